@@ -1,0 +1,57 @@
+"""taichi_sand: a real-time 2D granular simulator that shows what accuracy costs in time.
+
+    import taichi_sand as sand
+    scene = sand.load("hourglass")
+    sim = sand.Simulation(scene)
+    sim.advance(2.0)
+    print(sim.report()["overlap_mean"])
+
+Taichi is imported with `Simulation`, not before.
+"""
+
+import os
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")  # its banner would stand in front of `run --json`
+
+if TYPE_CHECKING:
+    from taichi_sand.scene.errors import PhysicsError, SandError
+    from taichi_sand.scene.schema import Scene
+    from taichi_sand.simulation import Simulation
+
+__all__ = ["PhysicsError", "SandError", "Scene", "Simulation", "__version__", "load"]
+__version__ = "0.1.0"
+
+_HOMES = {
+    "Scene": "taichi_sand.scene.schema",
+    "SandError": "taichi_sand.scene.errors",
+    "PhysicsError": "taichi_sand.scene.errors",
+    "Simulation": "taichi_sand.simulation",
+}
+
+
+def load(name_or_path: str | Path, overrides: Sequence[str] = ()) -> "Scene":
+    """Reads a scene from a file, or a bundled one by name, and checks it, effects included.
+
+    Args:
+        name_or_path: a path, or a name that `taichi-sand scenes` lists.
+        overrides: `KEY=VALUE` each, as with `--set` on the command line.
+
+    Raises:
+        SandError: something is wrong with it, told in one sentence.
+    """
+    from taichi_sand import effects
+    from taichi_sand.scene import loading
+
+    scene = loading.load(name_or_path, overrides)
+    effects.check(scene)
+    return scene
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(import_module(_HOMES[name]), name)
+    raise AttributeError(f"module 'taichi_sand' has no attribute {name!r}")

@@ -1,0 +1,207 @@
+"""The command `taichi-sand`. Exit status: 0 done, 1 the physics failed a check, 2 wrong input, 130 interrupted."""
+
+import json
+import math
+import os
+import sys
+import tomllib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+import taichi_sand
+from taichi_sand import printing
+from taichi_sand.scene import loading
+from taichi_sand.scene.errors import PhysicsError, SandError
+
+if TYPE_CHECKING:
+    from taichi_sand.scene.schema import Scene
+
+app = typer.Typer(
+    name="taichi-sand",
+    help="A 2D granular simulator that shows what accuracy costs in time.",
+    epilog="SCENE is a path or the name of a bundled scene (taichi-sand scenes).",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="Path of a scene file, or name of a bundled scene.")]
+Seconds = Annotated[float | None, typer.Option("--seconds", help="Simulated seconds; else the scene's duration.")]
+Overrides = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any scene key by dotted path, such as solver.kind=md; repeatable.")
+]
+Arch = Annotated[Literal["cpu", "cuda", "vulkan", "metal", "gpu"], typer.Option("--arch", help="Where kernels run.")]
+Threads = Annotated[int | None, typer.Option("--threads", min=1, help="CPU threads; results do not depend on it.")]
+Precision = Annotated[int | None, typer.Option("--precision", metavar="32|64", help="Bits of a number in the solver.")]
+
+
+@contextmanager
+def in_one_sentence() -> Iterator[None]:
+    """Turns what a user can put right into one sentence on stderr and an exit status."""
+    try:
+        yield
+    except SandError as error:
+        _leave(2, f"error: {error}")
+    except PhysicsError as error:
+        _leave(1, f"failed: {error}")
+    except OSError as error:
+        if error.filename is None:
+            raise
+        _leave(2, f"error: {error.filename}: {error.strerror}")
+    except KeyboardInterrupt:
+        _leave(130, "interrupted")
+
+
+def _leave(status: int, text: str) -> None:
+    print(f"taichi-sand: {text}", file=sys.stderr)
+    raise typer.Exit(status)
+
+
+@contextmanager
+def progress_bar(label: str) -> Iterator[Callable[[float], None] | None]:
+    """A bar on stderr while it is a terminal, else None; it takes the share done."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(label, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
+
+@app.callback(invoke_without_command=True)
+def _version(version: Annotated[bool, typer.Option("--version", help="Prints the version.")] = False) -> None:
+    if version:
+        print(f"taichi-sand {taichi_sand.__version__}")
+        raise typer.Exit
+
+
+@app.command()
+def run(
+    scene: Annotated[str | None, typer.Argument(metavar="SCENE", help="Path or bundled name; not needed with --resume.")] = None,
+    seconds: Seconds = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Prints the report as JSON, and nothing else, on stdout.")] = False,
+    save: Annotated[Path | None, typer.Option("--save", metavar="FILE", help="Writes a checkpoint at the end.")] = None,
+    resume: Annotated[Path | None, typer.Option("--resume", metavar="FILE", help="Goes on from a checkpoint.")] = None,
+    overrides: Overrides = None,
+    arch: Arch = "cpu",
+    threads: Threads = None,
+    precision: Precision = None,
+) -> None:
+    """Simulates without pictures and prints a report."""
+    with in_one_sentence():
+        _check_seconds(seconds)
+        if save is not None:
+            check_writable(save)
+        asked = _overrides(overrides, **{"solver.precision": precision})
+        sim = _start(scene, asked, arch, threads) if resume is None else _resume(resume, scene, asked, arch, threads)
+        if seconds is None:
+            seconds = max(0.0, sim.scene.duration - sim.time)
+        with progress_bar(sim.scene.title or "run") as progress:
+            sim.advance(seconds, progress=progress)
+        if save is not None:
+            sim.save(save)
+        report = sim.report()
+        if as_json:
+            print(json.dumps(report, indent=2, allow_nan=False))
+        else:
+            printing.print_report(sim.scene.title, report)
+        if report["flags"]:
+            raise PhysicsError("; ".join(report["flags"]))
+
+
+@app.command()
+def render(
+    scene: SceneName,
+    out: Annotated[
+        str, typer.Option("-o", "--out", metavar="OUT", help="Ends in .mp4, .gif, .png (last frame) or / (a folder of PNG frames).")
+    ],
+    seconds: Seconds = None,
+    fps: Annotated[int | None, typer.Option("--fps", help="Frames in a simulated second.")] = None,
+    width: Annotated[int | None, typer.Option("--width", help="Pixels; the height follows.")] = None,
+    color: Annotated[str | None, typer.Option("--color", help="kind, speed, energy, force, pressure, rotation or order.")] = None,
+    overrides: Overrides = None,
+    arch: Arch = "cpu",
+    threads: Threads = None,
+    precision: Precision = None,
+) -> None:
+    """Simulates and films, without a display."""
+    with in_one_sentence():
+        _check_seconds(seconds)
+        view = {"view.fps": fps, "view.width": width, "view.color": color}
+        loaded = taichi_sand.load(scene, _overrides(overrides, **view, **{"solver.precision": precision}))
+        from taichi_sand.view.film import destination, film
+
+        check_writable(destination(out)[0])
+        sim = taichi_sand.Simulation(loaded, arch=arch, threads=threads)
+        with progress_bar(loaded.title or "render") as progress:
+            film(sim, out, seconds=seconds, fps=fps, progress=progress)
+        if sim.flags():
+            raise PhysicsError("; ".join(sim.flags()))
+
+
+@app.command()
+def scenes() -> None:
+    """Lists the bundled scenes, a line each: name, title, what there is to see."""
+    known = loading.bundled()
+    wide = max(map(len, known), default=0)
+    for name, path in known.items():
+        head = tomllib.loads(path.read_text("utf-8"))
+        print(f"{name:<{wide}}  {head.get('title', '')}: {head.get('about', '')}")
+
+
+def _overrides(given: list[str] | None, **flags: Any) -> list[str]:
+    """`--set` overrides, and flags that stand for one, by the key they set; None = not given."""
+    return [*(given or ()), *(f"{key}={value}" for key, value in flags.items() if value is not None)]
+
+
+def _check_seconds(seconds: float | None) -> None:
+    if seconds is not None and not (0 <= seconds < math.inf):
+        raise SandError(f"--seconds {seconds:g} must be a number of seconds, 0 or more")
+
+
+def check_writable(path: Path) -> None:
+    """Refuses an output file before the work that would fill it: its folder must exist, or be one that can be made, and be writable."""
+    if path.is_dir() and not os.access(path, os.W_OK):
+        raise SandError(f"{path} cannot be written to")
+    folder = path.absolute().parent
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    if not folder.is_dir():
+        raise SandError(f"{path} cannot be written: {folder} is a file, not a folder")
+    if not os.access(folder, os.W_OK):
+        raise SandError(f"{path} cannot be written: the folder {folder} is read-only")
+
+
+def _start(scene: str | None, overrides: list[str], arch: str, threads: int | None) -> Any:
+    if scene is None:
+        raise SandError("run needs a SCENE (`taichi-sand scenes` lists those bundled) or --resume FILE")
+    return taichi_sand.Simulation(taichi_sand.load(scene, overrides), arch=arch, threads=threads)
+
+
+def _resume(file: Path, scene: str | None, overrides: list[str], arch: str, threads: int | None) -> Any:
+    """A simulation from a checkpoint; a scene given with it must be the one that was saved."""
+    wanted: Scene | None = None if scene is None else taichi_sand.load(scene, overrides)
+    if wanted is None and overrides:
+        raise SandError(f"--resume {file} brings its own scene, which --set and --precision cannot change")
+    sim = taichi_sand.Simulation.resume(file, arch=arch, threads=threads)
+    if wanted is not None and wanted.to_json() != sim.scene.to_json():
+        raise SandError(f"{file} was saved from another scene than {scene} with these settings; leave SCENE out to go on with it")
+    return sim
+
+
+def main() -> None:
+    """Entry point of the command."""
+    app()
+
+
+if __name__ == "__main__":
+    main()

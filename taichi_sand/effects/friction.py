@@ -1,0 +1,84 @@
+"""Coulomb friction between grains, and between grains and walls.
+
+Molecular dynamics knows three models: `spring`, a tangential spring that slides at the Coulomb bound (Cundall & Strack 1979) and
+holds a pile at rest; `viscous`, a dashpot capped by the bound, and `sign`, the full bound against the slip (eq. 3 of the student
+report this project grew from): these two have no static state, and piles creep (physics.md A10). The rigid solver bounds the
+accumulated tangential impulse, which is static friction too; there the model makes no difference.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import taichi as ti
+
+from taichi_sand.scene.parameters import Parameter
+
+PARAMETERS = (
+    Parameter("mu", 0.5, "coefficient of friction: largest tangential force over the normal one", low=0.0, high=10.0),
+    Parameter(
+        "model",
+        "spring",
+        "md only: spring (static friction), viscous or sign (both creep)",
+        choices=("spring", "viscous", "sign"),
+        live=False,
+    ),
+)
+SOLVERS = ("md", "rigid")
+
+SPRING = 2.0 / 7.0
+"""Tangential over normal stiffness, the value for which a sphere's tangential and normal oscillations keep pace (Walton & Braun 1986)."""
+SPRING_DASHPOT = 0.31
+"""Tangential over normal damping: the same damping ratio for a disc's tangential oscillation, sqrt(SPRING / 3)."""
+VISCOUS = 0.7
+"""Slope of the viscous model, over the root of stiffness times effective mass."""
+
+
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """The effect as kernels see it."""
+
+    live: Any  # 0-D field of the live parameters
+    model: str
+    spring: Any  # column of the pair table: stretch of the tangential spring [m]
+
+    @ti.func
+    def tangent(self, w: ti.template(), c: ti.template(), p, normal_force, slip, stiffness, dashpot):
+        """Tangential force [N] on the second grain of pair p that slips by `slip` [m/s]."""
+        bound = self.live[None].mu * normal_force
+        force = 0.0
+        if ti.static(self.model == "spring"):
+            k, resist = SPRING * stiffness, SPRING_DASHPOT * dashpot * slip
+            trial = -k * (self.spring[p] + slip * c.step) - resist
+            force = ti.min(ti.max(trial, -bound), bound)
+            self.spring[p] = -(force + resist) / k
+        elif ti.static(self.model == "viscous"):
+            slope = VISCOUS * ti.sqrt(stiffness * w.pairs.mass[p])
+            force = ti.min(ti.max(-slope * slip, -bound), bound)
+        else:
+            force = -bound * ti.math.sign(slip)
+        return force
+
+    @ti.func
+    def release(self, w: ti.template(), p):
+        """The grains of pair p are apart: nothing is stretched."""
+        if ti.static(self.model == "spring"):
+            self.spring[p] = 0.0
+
+    @ti.func
+    def cone(self, w: ti.template(), p, normal):
+        """Largest tangential impulse for a normal one."""
+        return self.live[None].mu * normal
+
+
+def memory(values: dict, solver: str) -> int:
+    """Columns of the pair table that the effect needs."""
+    return 1 if solver == "md" and values["model"] == "spring" else 0
+
+
+def build(values: dict, live: Any, columns: tuple, solver: str) -> Friction:
+    """The effect for a world; `columns` are those that `memory` asked for."""
+    return Friction(live, values["model"] if solver == "md" else "", columns[0] if columns else None)
+
+
+TURNS = True
+"""Friction turns grains: without an effect that does, spins are not computed."""

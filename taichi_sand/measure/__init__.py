@@ -1,0 +1,5 @@
+"""Observables and structure of a simulation."""
+
+from taichi_sand.measure.report import report
+
+__all__ = ["report"]

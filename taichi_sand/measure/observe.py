@@ -1,0 +1,187 @@
+"""Sums over the world tables, on the device, once a report.
+
+Every kernel here runs over the blocks of the sweep, each block serially, and writes one row of sums a block; the host adds the rows
+in order. So the sums depend on the layout of the world, never on the number of threads. `real` is the type they are summed in:
+ti.f64 where the backend has it.
+"""
+
+import taichi as ti
+
+from taichi_sand.world.geometry import distance_to_second, perp
+
+MASS, PX, PY, SPIN, KINETIC, POTENTIAL, SPEED2, HEIGHT, LOWEST, MOVING = range(10)
+"""Columns of the sums over grains."""
+GRAIN_COLUMNS = 10
+
+LISTED, TOUCHING, OVERLAP, DEEPEST, PUSH, PUSHING, FLOOR, WALL = range(8)
+"""Columns of the sums over pairs."""
+PAIR_COLUMNS = 8
+
+SPACING, UP, GRAVITY = 0, 2, 4
+"""Where the frame array keeps (x, y) of the lattice spacing [m], of the upward unit vector, of gravity [m/s2]."""
+
+FLOOR_SLOPE = 0.17
+"""A wall is a floor where its normal into the bed rises by more than this, sin 10 degrees."""
+POINTS = 24
+"""Points a disc is spread over when its area is dealt to cells."""
+FULL = 1 << 22
+"""Whole number that stands for one full cell."""
+
+
+@ti.func
+def blocks_in_use(w: ti.template()):
+    """Blocks of the sweep that hold rows: of cells, those the last search laid."""
+    count = ti.static(w.blocks.pair_start.shape[0])
+    if ti.static(w.layout == "cells"):
+        count = w.grid.columns[None] * w.grid.rows[None]
+    return count
+
+
+@ti.func
+def place(w: ti.template(), frame: ti.template(), i, real: ti.template()):
+    """Centre of grain i [m], in the type `real`."""
+    g = ti.static(w.grains)
+    x = (ti.cast(g.site[i].x, real) + 0.5) * frame[SPACING] + ti.cast(g.offset[i].x, real) + g.shift[i].x
+    y = (ti.cast(g.site[i].y, real) + 0.5) * frame[SPACING + 1] + ti.cast(g.offset[i].y, real) + g.shift[i].y
+    return ti.Vector([x, y])
+
+
+@ti.kernel
+def sum_grains(w: ti.template(), frame: ti.types.ndarray(), sums: ti.types.ndarray(), real: ti.template()):
+    """sums[b, column] over the grains of block b that can move; LOWEST over all grains."""
+    g = ti.static(w.grains)
+    for b in range(blocks_in_use(w)):
+        lowest = ti.cast(1e30, real)
+        fastest = ti.cast(0.0, real)
+        total = ti.Vector.zero(real, 9)
+        for i in range(w.blocks.grain_start[b], w.blocks.grain_end[b]):
+            x = place(w, frame, i, real)
+            height = x.x * frame[UP] + x.y * frame[UP + 1]
+            lowest = ti.min(lowest, height - g.radius[i])
+            if g.inverse_mass[i] > 0.0:
+                v = ti.cast(g.velocity[i], real)
+                m = ti.cast(1.0, real) / g.inverse_mass[i]
+                fastest = ti.max(fastest, v.dot(v))
+                total[MASS] += m
+                total[PX] += m * v.x
+                total[PY] += m * v.y
+                total[SPIN] += m * (x.x * v.y - x.y * v.x)
+                total[KINETIC] += 0.5 * m * v.dot(v)
+                total[POTENTIAL] -= m * (x.x * frame[GRAVITY] + x.y * frame[GRAVITY + 1])
+                total[HEIGHT] += m * height
+                total[8] += 1.0
+                if g.inverse_inertia[i] > 0.0:
+                    inertia = ti.cast(1.0, real) / g.inverse_inertia[i]
+                    total[SPIN] += inertia * g.spin[i]
+                    total[KINETIC] += 0.5 * inertia * ti.cast(g.spin[i], real) ** 2
+        for column in ti.static(range(8)):
+            sums[b, column] = total[column]
+        sums[b, SPEED2] = fastest
+        sums[b, LOWEST] = lowest
+        sums[b, MOVING] = total[8]
+
+
+@ti.func
+def gap_now(w: ti.template(), p, wall: ti.template()):
+    """Gap of pair p at the present places [m] and its unit normal."""
+    distance, normal = distance_to_second(w, p, w.pairs.first[p], wall)
+    return distance - w.pairs.contact_distance[p], normal
+
+
+@ti.func
+def observe(
+    w: ti.template(), frame: ti.template(), p, wall: ti.template(), overlaps: ti.template(), base, total: ti.template(), real: ti.template()
+):
+    """Adds pair p to the sums of its block and writes its overlap [m], 0 if apart."""
+    gap, normal = gap_now(w, p, wall)
+    force = ti.cast(w.pairs.force[p], real)
+    overlap = ti.max(ti.cast(-gap, real), 0.0)
+    overlaps[p - base] = overlap
+    total[LISTED] += 1.0
+    if overlap > 0.0:
+        total[TOUCHING] += 1.0
+        total[OVERLAP] += overlap
+        total[DEEPEST] = ti.max(total[DEEPEST], overlap)
+    if force.x > 0.0:
+        total[PUSH] += force.x
+        total[PUSHING] += 1.0
+        if ti.static(wall):
+            push = force.x * normal + force.y * perp(normal)
+            total[WALL] += ti.sqrt(push.dot(push))
+            if normal.x * frame[UP] + normal.y * frame[UP + 1] < -FLOOR_SLOPE:
+                total[FLOOR] -= push.x * frame[UP] + push.y * frame[UP + 1]
+
+
+@ti.kernel
+def sum_pairs(
+    w: ti.template(), frame: ti.types.ndarray(), sums: ti.types.ndarray(), overlaps: ti.types.ndarray(), real: ti.template()
+):
+    """sums[b, column] over the pairs of block b, and every pair's overlap by its row within the half in use."""
+    for b in range(blocks_in_use(w)):
+        total = ti.Vector.zero(real, PAIR_COLUMNS)
+        base = w.pace[None].half * w.half
+        for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
+            observe(w, frame, p, False, overlaps, base, total, real)
+        for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
+            observe(w, frame, p, True, overlaps, base, total, real)
+        for column in ti.static(range(PAIR_COLUMNS)):
+            sums[b, column] = total[column]
+
+
+@ti.kernel
+def count_bearing(w: ti.template(), least: ti.f32, bearing: ti.types.ndarray()):
+    """bearing[i] += 1 for every contact of grain i that pushes with more than `least` [N]."""
+    for b in range(blocks_in_use(w)):
+        for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
+            if w.pairs.force[p].x > least:
+                ti.atomic_add(bearing[w.pairs.first[p]], 1)
+                ti.atomic_add(bearing[w.pairs.second[p]], 1)
+        for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
+            if w.pairs.force[p].x > least:
+                ti.atomic_add(bearing[w.pairs.first[p]], 1)
+
+
+@ti.func
+def carries(w: ti.template(), i, bearing: ti.template()):
+    """Whether grain i is part of the packing: no rattler, which has fewer than two bearing contacts; a fixed grain always is."""
+    return ti.cast(bearing[i] >= 2 or w.grains.inverse_mass[i] == 0.0, ti.i32)
+
+
+@ti.kernel
+def count_ends(w: ti.template(), least: ti.f32, bearing: ti.types.ndarray(), ends: ti.types.ndarray()):
+    """ends[b, 0]: ends of bearing contacts at moving grains that are no rattlers; ends[b, 1]: such grains."""
+    for b in range(blocks_in_use(w)):
+        met = 0
+        grains = 0
+        for i in range(w.blocks.grain_start[b], w.blocks.grain_end[b]):
+            if bearing[i] >= 2 and w.grains.inverse_mass[i] > 0.0:
+                grains += 1
+        for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
+            i, j = w.pairs.first[p], w.pairs.second[p]
+            if w.pairs.force[p].x > least and carries(w, i, bearing) == 1 and carries(w, j, bearing) == 1:
+                met += ti.cast(w.grains.inverse_mass[i] > 0.0, ti.i32) + ti.cast(w.grains.inverse_mass[j] > 0.0, ti.i32)
+        for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
+            i = w.pairs.first[p]
+            if w.pairs.force[p].x > least and bearing[i] >= 2 and w.grains.inverse_mass[i] > 0.0:
+                met += 1
+        ends[b, 0] = met
+        ends[b, 1] = grains
+
+
+@ti.kernel
+def deal_area(w: ti.template(), frame: ti.types.ndarray(), cell: ti.f32, filled: ti.types.ndarray(), real: ti.template()):
+    """filled[cx, cy] += area of the grains in the cell, in parts of FULL: whole numbers, so that the order does not matter.
+
+    Each disc is spread over POINTS of equal weight on a sunflower spiral.
+    """
+    for i in range(w.count[None]):
+        x = place(w, frame, i, real)
+        r = w.grains.radius[i]
+        part = ti.cast(3.14159265 * r * r / (cell * cell) / POINTS * FULL, ti.i32)
+        for k in range(POINTS):
+            rho = r * ti.sqrt((ti.cast(k, ti.f32) + 0.5) / POINTS)
+            phi = 2.39996323 * ti.cast(k, ti.f32)
+            cx = ti.cast(ti.floor((x.x + rho * ti.cos(phi)) / cell), ti.i32)
+            cy = ti.cast(ti.floor((x.y + rho * ti.sin(phi)) / cell), ti.i32)
+            if 0 <= cx < filled.shape[0] and 0 <= cy < filled.shape[1]:
+                ti.atomic_add(filled[cx, cy], part)

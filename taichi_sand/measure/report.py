@@ -1,0 +1,156 @@
+"""The report: what a simulation is worth and what it cost, as one JSON-able dictionary (design.md section 6).
+
+How the less obvious numbers are defined:
+
+`pairs` are listed by the search; `contacts` are the pairs whose surfaces overlap at the present positions, walls included; the
+overlaps are theirs, as a fraction of the mean grain diameter d. Energies are in J, the potential one is -m g.x from the origin of
+the box (springs and bonds hold energy that is not in it). Momentum and angular momentum are of the grains that can move, the latter
+about the origin of the box and with their spins. Fixed grains have no mass and count in nothing but the contacts.
+
+`packing_fraction`: the box is cut into square cells of 2 to 6 d; the cells that are more than half full and whose eight neighbours are
+too make up the inside of the bed (so the surface, the walls and their ordering stay out); it is the area of grains a unit area there.
+0 where no bed is that large.
+`coordination`: mean number of bearing contacts of a grain, walls included, over the grains that are no rattlers. A contact bears when its
+normal force exceeds 1e-3 of the mean one; a rattler has fewer than two such contacts (physics.md B3).
+`bed_height_m`: twice the mass-weighted mean height above the lowest point of a grain: the height of a level bed of even density.
+Up is against gravity (+y without gravity).
+`floor_force_N`: downward force on the walls that rise less than 80 degrees, friction included: a bed at rest between smooth sides gives its weight.
+`wall_force_N`: sum over all wall contacts of the size of their force.
+Forces are those of the last step. Sums are in f64 on the CPU and CUDA.
+"""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from taichi_sand.measure import observe
+
+CELLS_ACROSS = 8
+"""A bed of n grains gets cells of about sqrt(n) / CELLS_ACROSS diameters, between SMALLEST and LARGEST."""
+SMALLEST, LARGEST = 2.0, 6.0
+BEARING = 1e-3
+
+
+def _real(sim: Any) -> tuple[Any, Any]:
+    """Type to sum in, for Taichi and for NumPy: f64 where the backend has it."""
+    wide = sim.arch in ("cpu", "cuda", "x64", "arm64")
+    return (ti.f64, np.float64) if wide else (ti.f32, np.float32)
+
+
+def _blocks(world: Any) -> int:
+    """Rows that per-block sums need."""
+    return world.blocks.pair_start.shape[0]
+
+
+def _frame(sim: Any, dtype: Any) -> np.ndarray:
+    """Lattice spacing, upward unit vector and gravity, for the kernels."""
+    gravity = sim.world.box[None].gravity.to_numpy().astype(np.float64)
+    size = float(np.hypot(*gravity))
+    up = -gravity / size if size > 0 else np.array([0.0, 1.0])
+    return np.concatenate([sim.world.box[None].spacing.to_numpy(), up, gravity]).astype(dtype)
+
+
+def motion(sim: Any) -> dict[str, Any]:
+    """Energies [J], momenta [N s, N m s], largest speed [m/s] and height of the bed [m]."""
+    real, dtype = _real(sim)
+    sums = np.zeros((_blocks(sim.world), observe.GRAIN_COLUMNS), dtype)
+    sums[:, observe.LOWEST] = np.inf
+    observe.sum_grains(sim.world, _frame(sim, dtype), sums, real)
+    total = sums.sum(axis=0, dtype=np.float64)
+    moving = total[observe.MOVING] > 0
+    height = 2 * (total[observe.HEIGHT] / total[observe.MASS] - sums[:, observe.LOWEST].min()) if moving else 0.0
+    return {
+        "kinetic_energy_J": float(total[observe.KINETIC]),
+        "potential_energy_J": float(total[observe.POTENTIAL]),
+        "momentum_Ns": [float(total[observe.PX]), float(total[observe.PY])],
+        "angular_momentum_Nms": float(total[observe.SPIN]),
+        "bed_height_m": float(height),
+        "speed_max_m_s": float(np.sqrt(sums[:, observe.SPEED2].max())),
+    }
+
+
+def contacts(sim: Any) -> dict[str, Any]:
+    """Pairs, overlaps as a fraction of d, coordination, and the force on floors and walls [N]."""
+    real, dtype = _real(sim)
+    w = sim.world
+    sums = np.zeros((_blocks(w), observe.PAIR_COLUMNS), dtype)
+    overlaps = np.zeros(w.half, dtype)
+    observe.sum_pairs(w, _frame(sim, dtype), sums, overlaps, real)
+    total = sums.sum(axis=0, dtype=np.float64)
+    touching = overlaps[overlaps > 0] / sim.bed.diameter
+    mean_push = total[observe.PUSH] / total[observe.PUSHING] if total[observe.PUSHING] else 0.0
+    return {
+        "pairs": int(total[observe.LISTED]),
+        "contacts": int(total[observe.TOUCHING]),
+        "overlap_mean": float(touching.mean(dtype=np.float64)) if len(touching) else 0.0,
+        "overlap_p99": float(np.percentile(touching, 99)) if len(touching) else 0.0,
+        "overlap_max": float(touching.max()) if len(touching) else 0.0,
+        "coordination": coordination(sim, mean_push),
+        "floor_force_N": float(total[observe.FLOOR]),
+        "wall_force_N": float(total[observe.WALL]),
+    }
+
+
+def coordination(sim: Any, mean_push: float) -> float:
+    """Bearing contacts a grain, without rattlers; `mean_push` [N] is the mean normal force of the pushing contacts."""
+    if mean_push <= 0:
+        return 0.0
+    w = sim.world
+    bearing = np.zeros(w.capacity, np.int32)
+    ends = np.zeros((_blocks(w), 2), np.int32)
+    observe.count_bearing(w, BEARING * mean_push, bearing)
+    observe.count_ends(w, BEARING * mean_push, bearing, ends)
+    met, grains = ends.sum(axis=0)
+    return float(met / grains) if grains else 0.0
+
+
+def packing_fraction(sim: Any) -> float:
+    """Area of grains a unit area inside the bed: see the head of this file."""
+    real, dtype = _real(sim)
+    w = sim.world
+    d = sim.bed.diameter
+    cell = float(np.clip(np.sqrt(max(w.count[None], 1)) / CELLS_ACROSS, SMALLEST, LARGEST)) * d
+    shape = tuple(max(1, int(np.ceil(side / cell))) for side in w.box[None].size.to_numpy())
+    filled = np.zeros(shape, np.int32)
+    observe.deal_area(w, _frame(sim, dtype), cell, filled, real)
+    fraction = np.pad(filled / observe.FULL, 1)
+    full = fraction > 0.5
+    around = [full[1 + dx : 1 + dx + shape[0], 1 + dy : 1 + dy + shape[1]] for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
+    inside = np.logical_and.reduce(around)
+    return float(fraction[1:-1, 1:-1][inside].mean()) if inside.any() else 0.0
+
+
+def cost(sim: Any) -> dict[str, Any]:
+    """What it took: times [s], simulated time by wall time, and ns a grain and step (grains as they are now)."""
+    wall = float(sim.clock["wall"])
+    work = int(sim.world.count[None]) * int(sim.steps)
+    return {
+        "wall_time_s": wall,
+        "compile_time_s": float(sim.clock["compile"]),
+        "real_time_factor": float(sim.time / wall) if wall > 0 else 0.0,
+        "ns_per_grain_step": 1e9 * wall / work if work else 0.0,
+        "stages_s": {name: float(seconds) for name, seconds in sim.clock["stages"].items()},
+    }
+
+
+def report(sim: Any) -> dict[str, Any]:
+    """Every observable of `sim`, a Simulation, as it stands now; the keys are those of design.md section 6."""
+    return {
+        "time_s": float(sim.time),
+        "steps": int(sim.steps),
+        "grains": sim.count,
+        "grains_lost": int(sim.lost),
+        "tolerance": float(sim.scene.solver.tolerance),
+        **contacts(sim),
+        **motion(sim),
+        "packing_fraction": packing_fraction(sim),
+        "step_s": float(sim.step),
+        **cost(sim),
+        "solver": sim.scene.solver.kind,
+        "effects": list(sim.effects),
+        "arch": sim.arch,
+        "threads": sim.threads,
+        "precision": int(sim.scene.solver.precision),
+        "flags": sim.flags(),
+    }

@@ -1,0 +1,78 @@
+"""The report as a table to read."""
+
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+GROUPS = {
+    "accuracy": {
+        "tolerance": ("tolerance asked", "d"),
+        "overlap_mean": ("overlap, mean", "d"),
+        "overlap_p99": ("overlap, 99 % below", "d"),
+        "overlap_max": ("overlap, worst", "d"),
+    },
+    "cost": {
+        "wall_time_s": ("wall time", "s"),
+        "compile_time_s": ("compiling, apart from it", "s"),
+        "real_time_factor": ("simulated / wall time", "×"),
+        "step_s": ("time step", "s"),
+        "steps": ("steps", ""),
+        "ns_per_grain_step": ("a grain and step", "ns"),
+    },
+    "bed": {
+        "time_s": ("simulated", "s"),
+        "grains": ("grains", ""),
+        "grains_lost": ("left through open edges", ""),
+        "contacts": ("contacts", ""),
+        "pairs": ("pairs searched", ""),
+        "coordination": ("contacts of a grain", ""),
+        "packing_fraction": ("packing fraction", ""),
+        "bed_height_m": ("bed height", "m"),
+        "floor_force_N": ("force on floors", "N"),
+        "wall_force_N": ("force on walls", "N"),
+    },
+    "motion": {
+        "kinetic_energy_J": ("kinetic energy", "J"),
+        "potential_energy_J": ("potential energy", "J"),
+        "momentum_Ns": ("momentum", "N s"),
+        "angular_momentum_Nms": ("angular momentum", "N m s"),
+        "speed_max_m_s": ("fastest grain", "m/s"),
+    },
+}
+
+
+def print_report(title: str, report: dict[str, Any]) -> None:
+    """Prints a report (design.md section 6) on stdout: what was asked next to what was measured, then the rest in groups."""
+    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column(style="dim")
+    table.add_column()
+    table.add_column(justify="right")
+    table.add_column(style="dim")
+    for group, keys in GROUPS.items():
+        head = group
+        for key, (label, unit) in keys.items():
+            if key in report:
+                table.add_row(head, label, _value(report[key]), Text(unit) + _verdict(key, report))
+                head = ""
+        table.add_section()
+    console = Console(highlight=False)
+    effects = ", ".join(report["effects"]) or "none"
+    bits = f"{report['precision']} bit, {report['arch']}, {report['threads']} thread{'s' if report['threads'] != 1 else ''}"
+    console.print(Text.assemble((title or "scene", "bold"), f"  {report['solver']} · effects: {effects} · {bits}"))
+    console.print(table)
+
+
+def _verdict(key: str, report: dict[str, Any]) -> Text:
+    """Whether the measured overlap is what was asked, in a word and a colour."""
+    if key != "overlap_p99":
+        return Text("")
+    good = report[key] <= report["tolerance"]
+    return Text("  within the tolerance" if good else "  above the tolerance", "#7BC47F" if good else "#F2C14E")
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, list):
+        return "  ".join(map(_value, value))
+    return f"{value:,}".replace(",", " ") if isinstance(value, int) else f"{value:.4g}"

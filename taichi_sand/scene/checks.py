@@ -1,0 +1,155 @@
+"""What the keys of a scene file must hold to together; each check raises `Wrong`, which the schema turns into a SandError."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taichi_sand.scene.errors import show
+from taichi_sand.scene.rows import LENGTHS
+
+if TYPE_CHECKING:
+    from taichi_sand.scene.schema import Grains, Scene, Solver, Wall
+
+OWNED = {
+    "rigid": ("substeps", "hertz"),
+    "md": ("stiffness", "integrator", "law", "k_r", "k_d", "alpha", "beta"),
+}
+"""Keys of [solver] that belong to one kind only."""
+SMALLEST, LARGEST = 1e-6, 1e6  # radius of a disc, side of the box [m]: what 32 bits can hold the inertia and the places of
+
+
+class Wrong(ValueError):
+    """What is wrong with a key of the table being checked; `text` follows the name of the key, which may be ""."""
+
+    def __init__(self, name: str, text: str) -> None:
+        super().__init__(text)
+        self.name = name
+
+
+def foreign(kind: str) -> tuple[str, ...]:
+    """Returns the keys of [solver] that have no meaning for this kind."""
+    return tuple(name for other, names in OWNED.items() if other != kind for name in names)
+
+
+def solver(table: "Solver") -> None:
+    """Keys of the other kind, keys that exclude each other, and what a custom law needs."""
+    given = {name for name in table.model_fields_set if getattr(table, name) != type(table).model_fields[name].default}
+    for name in foreign(table.kind):
+        if name in given:
+            other = "rigid" if table.kind == "md" else "md"
+            raise Wrong(name, f" belongs to the {other} solver; this scene uses {table.kind}")
+    _only_one(given, "step", "substeps")
+    _only_one(given, "stiffness", "k_r")
+    if table.law != "custom":
+        for name in ("alpha", "beta"):
+            if name in given:
+                raise Wrong(name, f' belongs to law = "custom"; this scene uses "{table.law}"')
+        return
+    alpha, beta = table.alpha, table.beta
+    if alpha is None or beta is None:
+        raise Wrong("law", ' = "custom" needs `alpha` and `beta`')
+    if table.k_d is None and abs(alpha - (beta - 1) / 2) > 1e-9:
+        raise Wrong(
+            "law",
+            f" = \"custom\" needs `k_d` with alpha = {alpha:g}, beta = {beta:g}: its restitution depends on the speed "
+            f"(only with alpha = (beta - 1)/2 = {(beta - 1) / 2:g} does it follow from `restitution`)",
+        )
+
+
+def grains(table: "Grains") -> None:
+    """Either places or a region to fill; a radius from one side; keys that belong to a pattern."""
+    if table.radius is not None:
+        _ordered("radius", table.radius, SMALLEST)
+    _ordered("speed", table.speed, 0.0)
+    given = {name for name in table.model_fields_set if getattr(table, name) is not None}
+    if table.positions is None:
+        if table.count is None and table.fill is None:
+            raise Wrong("", " needs `count`, `fill`, `positions` or `positions_file`")
+        if table.radius is None:
+            raise Wrong("radius", " is missing: radius of a disc (m)")
+    else:
+        for name in ("count", "fill", "region", "pitch", "jitter"):
+            _only_one(given, "positions", name)
+        _rows(table)
+    for name in ("pitch", "jitter"):
+        if name in given and table.fill not in ("lattice", "hexagonal"):
+            raise Wrong(name, ' belongs to fill = "lattice" or "hexagonal"')
+    if table.region is not None and not (table.region[0] < table.region[2] and table.region[1] < table.region[3]):
+        raise Wrong("region", f" = {show(table.region)} must be [x0, y0, x1, y1] with x0 < x1 and y0 < y1")
+
+
+def _rows(table: "Grains") -> None:
+    assert table.positions is not None
+    if not table.positions:
+        raise Wrong("positions", " = [] holds no grains")
+    length = len(table.positions[0])
+    for index, row in enumerate(table.positions):
+        if len(row) != length or length not in LENGTHS:
+            wanted = length if length in LENGTHS else "2, 3, 5, 6 or 7"
+            text = f" has {len(row)} numbers instead of {wanted} (x, y[, radius[, vx, vy[, angle[, spin]]]])"
+            raise Wrong(f"positions[{index}]", text)
+        if length > 2 and row[2] < SMALLEST:
+            raise Wrong(f"positions[{index}]", f" = {show(row)}: the radius must be at least {SMALLEST:g} m")
+    if length > 2 and table.radius is not None:
+        raise Wrong("radius", " is given twice: as a key and in the rows of `positions`")
+    if length == 2 and table.radius is None:
+        raise Wrong("radius", " is missing: radius of a disc (m), as a key or as third number of the rows of `positions`")
+
+
+def wall(table: "Wall") -> None:
+    """No segment without length: it would have no direction."""
+    points = table.points + (table.points[:1] if table.closed else ())
+    for index, (start, end) in enumerate(zip(points, points[1:], strict=False)):
+        if start == end:
+            after = (index + 1) % len(table.points)
+            raise Wrong(f"points[{after}]", f" = {show(end)} is the same as the point before it")
+
+
+def scene(table: "Scene") -> None:
+    """What must lie inside the box, and edges that come in pairs."""
+    if min(table.size) <= 0 or max(table.size) > LARGEST:
+        raise Wrong("size", f" = {show(table.size)} must be greater than 0 and at most {LARGEST:g} m both ways")
+    edges = table.edges
+    for one, other in (("left", "right"), ("bottom", "top")):
+        if (getattr(edges, one) == "periodic") != (getattr(edges, other) == "periodic"):
+            text = f' = "{getattr(edges, one)}" but edges.{other} = "{getattr(edges, other)}": periodic edges come in opposite pairs'
+            raise Wrong(f"edges.{one}", text)
+    for index, item in enumerate(table.grains):
+        name = f"grains[{index}]"
+        if item.positions is not None:
+            if table.scale != 1:
+                raise Wrong("scale", f" = {table.scale:g} cannot be had: {name}.positions are exact places")
+            _inside(table, f"{name}.positions", np.asarray(item.positions)[:, :2])
+        if item.region is not None and _outside(table, np.reshape(item.region, (2, 2))).any():
+            raise Wrong(f"{name}.region", f" = {show(item.region)} must lie inside the box, {_box(table)}")
+    for index, item in enumerate(table.walls):
+        _inside(table, f"walls[{index}].points", np.asarray(item.points))
+
+
+def _box(table: "Scene") -> str:
+    return f"x 0 … {table.size[0]:g}, y 0 … {table.size[1]:g} m"
+
+
+def _outside(table: "Scene", points: np.ndarray) -> np.ndarray:
+    """Which points (n, 2) lie outside the box, by more than what rounding does."""
+    slack = 1e-9 * max(table.size)
+    return ((points < -slack) | (points > np.asarray(table.size) + slack)).any(axis=1)
+
+
+def _inside(table: "Scene", name: str, points: np.ndarray) -> None:
+    for index in np.flatnonzero(_outside(table, points))[:1]:
+        raise Wrong(f"{name}[{index}]", f" = {show(points[index].tolist())} lies outside the box, {_box(table)}")
+
+
+def _only_one(given: set[str], one: str, other: str) -> None:
+    if one in given and other in given:
+        raise Wrong(one, f" and `{other}` exclude each other")
+
+
+def _ordered(name: str, limits: tuple[float, float], least: float) -> None:
+    low, high = limits
+    value = f" = {show(low if low == high else limits)} must be"
+    if low < least:
+        raise Wrong(name, f"{value} {f'at least {least:g} m' if low > 0 or not least else 'greater than 0 m'}")
+    if low > high:
+        raise Wrong(name, f"{value} [low, high] with low not above high")

@@ -1,0 +1,129 @@
+"""From a name or a path, and `--set` overrides, to a `Scene`."""
+
+import re
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from taichi_sand.scene.checks import foreign
+from taichi_sand.scene.errors import SandError, show, suggest
+from taichi_sand.scene.rows import read_text
+from taichi_sand.scene.schema import Scene
+
+KINDS = ("md", "rigid")
+
+
+def bundled() -> dict[str, Path]:
+    """Returns the scenes that come with the package, by name."""
+    package = Path(__file__).parents[1]
+    folders = (package / "scenes", package.parent / "scenes")  # as installed, as checked out
+    folder = next((folder for folder in folders if folder.is_dir()), package)
+    return {path.stem: path for path in sorted(folder.glob("*.toml"))}
+
+
+def find(name_or_path: str | Path) -> Path:
+    """Returns the file of a scene, given its path or the name of a bundled one; SandError if there is none."""
+    path, known = Path(name_or_path), bundled()
+    if path.is_dir() and str(name_or_path) not in known:
+        raise SandError(f"{path} is a folder, not a scene file")
+    if path.is_file():
+        return path
+    if str(name_or_path) in known:
+        return known[str(name_or_path)]
+    near = suggest(path.stem, known)
+    if path.suffix or len(path.parts) > 1:
+        raise SandError(f"{path}: there is no such file{near}")
+    raise SandError(f"there is no scene `{name_or_path}`{near} (`taichi-sand scenes` lists those there are; a path works too)")
+
+
+def read(path: Path) -> dict[str, Any]:
+    """Returns the tables of a scene file as they stand there; SandError if it is not UTF-8 text or not TOML."""
+    text = read_text(path)
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a TOMLDecodeError, or a number or nesting without end
+        reason = str(error) if isinstance(error, ValueError) else "too deeply nested"
+        raise SandError(f"{path.name}: not a scene file, its TOML is wrong: {reason[:200]}") from None
+
+
+def load(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scene:
+    """Reads a scene.
+
+    Args:
+        name_or_path: a file, or the name of a bundled scene.
+        overrides: `KEY=VALUE` each; KEY is a dotted path (`solver.tolerance`, `grains[0].count`, `effects.friction.mu`), VALUE is
+            written as in TOML, quotes around a text may be left out. Setting `solver.kind` drops what the file says
+            about the other kind.
+
+    Raises:
+        SandError: the file or an override is wrong; the sentence names the file, or `--set`, and the key.
+    """
+    path = find(name_or_path)
+    data = read(path)
+    asked = [_parse(override) for override in overrides]
+    for key, value in asked:
+        if key == "solver.kind" and value in KINDS and isinstance(data.get("solver"), dict):
+            for name in foreign(value):
+                data["solver"].pop(name, None)
+    for key, value in asked:
+        _put(data, key, value)
+    _beside(data, path.parent)
+    try:
+        scene = Scene(**data)
+    except SandError as error:
+        origin = "--set" if any(error.key.startswith(key) for key, _ in asked) else path.name
+        raise SandError(f"{origin}: {error}", error.key) from None
+    scene._source = path.name
+    return scene
+
+
+def _parse(override: str) -> tuple[str, Any]:
+    key, equals, value = override.partition("=")
+    key = re.sub(r"\.(\d+)(?=\.|$)", r"[\1]", key.strip())
+    if not equals or not re.fullmatch(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*", key):
+        raise SandError(f"--set {show(override)} must read KEY=VALUE, such as --set solver.tolerance=0.01", key)
+    return key, _value(value.strip())
+
+
+def _value(text: str) -> Any:
+    try:
+        table = tomllib.loads(f"value = {text}")
+        if list(table) == ["value"]:
+            return table["value"]
+    except (ValueError, RecursionError):
+        pass
+    return float(text) if re.fullmatch(r"[+-]?(\d+\.|\.\d+)(e[+-]?\d+)?", text, re.IGNORECASE) else text
+
+
+def _put(data: dict[str, Any], key: str, value: Any) -> None:
+    """Writes one override into the tables of a scene, making tables that are not there yet."""
+    parts: list[str | int] = [int(part) if part.isdigit() else part for part in re.findall(r"\w+", key)]
+    place: Any = data
+    for index, part in enumerate(parts):
+        if isinstance(part, int) != isinstance(place, list) or not isinstance(place, list | dict):
+            raise SandError(f"--set {key}: {_name(parts[:index])} is {_what(place)}", key)
+        if isinstance(part, int) and part >= len(place):
+            raise SandError(f"--set {key}: {_name(parts[:index])} has {len(place)} entries, 0 is the first", key)
+        if index == len(parts) - 1:
+            place[part] = value
+        else:
+            place = place.setdefault(part, {}) if isinstance(place, dict) else place[part]
+
+
+def _name(parts: Sequence[str | int]) -> str:
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).lstrip(".")
+
+
+def _what(place: Any) -> str:
+    if isinstance(place, dict):
+        return "a table with named keys, not a list"
+    return "a list: give a number, as in grains[0].count" if isinstance(place, list) else "a value without keys of its own"
+
+
+def _beside(data: dict[str, Any], folder: Path) -> None:
+    """Files that a scene names lie beside it."""
+    tables = data.get("grains")
+    for table in tables if isinstance(tables, list) else ():
+        if isinstance(table, dict) and isinstance(table.get("positions_file"), str):
+            table["positions_file"] = str(folder / table["positions_file"])

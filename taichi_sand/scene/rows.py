@@ -1,0 +1,69 @@
+"""Grains listed one by one in a CSV file beside the scene."""
+
+import csv
+import io
+import math
+from pathlib import Path
+
+from taichi_sand.scene.errors import SandError, show
+
+COLUMNS = ("x", "y", "radius", "vx", "vy", "angle", "spin")
+LENGTHS = (2, 3, 5, 6, 7)
+"""How many of the columns a row may have: velocities come in pairs."""
+
+
+def read_text(path: Path) -> str:
+    """Returns the text of a UTF-8 file; SandError if it cannot be read or is something else."""
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError:
+        raise SandError(f"{path}: there is no such file") from None
+    except UnicodeDecodeError as error:
+        raise SandError(f"{path} is not a UTF-8 text file (byte {error.start} is {error.object[error.start]:#04x})") from None
+    except (OSError, ValueError) as error:
+        raise SandError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
+
+
+def read_rows(path: Path) -> list[list[float]]:
+    """Reads rows of x, y[, radius[, vx, vy[, angle[, spin]]]] in SI units; a first line with these names may stand above them.
+
+    Raises:
+        SandError: the file is missing, not text, empty, or a line of it is wrong.
+    """
+    lines = csv.reader(io.StringIO(read_text(path), newline=""))
+    rows: list[list[float]] = []
+    try:
+        for line in lines:
+            cells = [cell.strip() for cell in line]
+            if any(cells) and not _is_header(path, cells, lines.line_num, bool(rows)):
+                rows.append(_numbers(path, cells, lines.line_num, len(rows[0]) if rows else 0))
+    except csv.Error as error:
+        raise SandError(f"{path}: line {lines.line_num}: {error}") from None
+    if not rows:
+        raise SandError(f"{path}: holds no grains (its columns are {', '.join(COLUMNS)}, of which x and y must be there)")
+    return rows
+
+
+def _is_header(path: Path, cells: list[str], line: int, below: bool) -> bool:
+    if below or not any(cell.isidentifier() and cell not in ("nan", "inf") for cell in cells):
+        return False
+    if tuple(cells) != COLUMNS[: len(cells)] or len(cells) not in LENGTHS:
+        raise SandError(f"{path}: line {line}: the columns are {show(cells)}, but must be x, y[, radius[, vx, vy[, angle[, spin]]]]")
+    return True
+
+
+def _numbers(path: Path, cells: list[str], line: int, length: int) -> list[float]:
+    if len(cells) not in LENGTHS or length not in (0, len(cells)):
+        wanted = length or "2, 3, 5, 6 or 7"
+        raise SandError(f"{path}: line {line}: has {len(cells)} columns instead of {wanted} ({', '.join(COLUMNS)})")
+    row = []
+    for name, cell in zip(COLUMNS, cells, strict=False):
+        try:
+            value = float(cell)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value) or (name == "radius" and value <= 0):
+            wanted = "a number greater than 0" if name == "radius" else "a finite number"
+            raise SandError(f"{path}: line {line}: {name} = {show(cell)} must be {wanted}")
+        row.append(value)
+    return row

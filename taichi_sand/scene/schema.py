@@ -1,0 +1,235 @@
+"""Every key of a scene file: unit, range, default, one line of help.
+
+A `Scene` is checked when it is made, from a file or in Python; afterwards it does not change. What is wrong with it is told
+by a `SandError` in one sentence.
+"""
+
+import math
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
+
+from taichi_sand.scene import checks
+from taichi_sand.scene.errors import SandError
+from taichi_sand.scene.rows import read_rows
+from taichi_sand.scene.wording import in_words
+
+MOST_GRAINS = 4_000_000
+HUGE = 1e12  # 32 bits hold the square of a number, and the products made of it
+
+
+def key(default: Any, text: str, unit: str = "", **limits: Any) -> Any:
+    """A key of a scene table: default (... = it must be given), one line of help, unit, limits as pydantic names them."""
+    return Field(default, description=text, json_schema_extra={"unit": unit}, **limits)
+
+
+def _not_huge(value: Any) -> Any:
+    if isinstance(value, int | float) and HUGE < abs(value) < math.inf:
+        raise ValueError(f"must lie within ±{HUGE:g}")
+    return value
+
+
+def _as_range(value: Any) -> Any:
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return (value, value)
+    if isinstance(value, list | tuple) and len(value) == 2:
+        return value
+    raise ValueError("must be a number, or [low, high]")
+
+
+def _as_angle(value: Any) -> Any:
+    number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if number or value == "random":
+        return value
+    raise ValueError('must be a number in radians, or "random"')
+
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False), BeforeValidator(_not_huge)]
+Whole = Annotated[int, Field(strict=True)]
+Switch = Annotated[bool, Field(strict=True)]
+Vector = tuple[Number, Number]
+Box = tuple[Number, Number, Number, Number]
+Range = Annotated[Vector, BeforeValidator(_as_range)]
+Angle = Annotated[float | str, BeforeValidator(_as_angle)]
+Edge = Literal["wall", "open", "periodic"]
+
+
+class Table(BaseModel):
+    """A table of a scene file: unknown keys are errors, and it does not change once made."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Edges(Table):
+    """What the four sides of the box do: wall, open (a grain that leaves is removed and counted), periodic."""
+
+    left: Edge = key("wall", "wall, open or periodic (together with right)")
+    right: Edge = key("wall", "wall, open or periodic (together with left)")
+    bottom: Edge = key("wall", "wall, open or periodic (together with top)")
+    top: Edge = key("wall", "wall, open or periodic (together with bottom)")
+
+
+class Solver(Table):
+    """How contacts are resolved, and how exactly. `tolerance` sets the rest; the keys below `precision` are for experts."""
+
+    kind: Literal["md", "rigid"] = key("rigid", "md: soft discs, forces; rigid: hard discs, impulses")
+    tolerance: Number = key(0.02, "overlap allowed at rest, as a fraction of the mean grain diameter", "d", ge=0.0005, le=0.3)
+    restitution: Number = key(0.1, "normal speed after an impact / before it", ge=0, le=1)
+    precision: Literal[32, 64] = key(32, "bits of a number in the solver, 32 or 64")
+    step: Number | None = key(None, "time step", "s", gt=0, le=0.1)
+    substeps: Whole | None = key(None, "rigid: steps in 1/60 s, instead of `step`", ge=1, le=100_000)
+    hertz: Number | None = key(None, "rigid: frequency of the soft contact", "Hz", gt=0)
+    stiffness: Number | None = key(None, "md: force / overlap at the tolerated overlap", "N/m", gt=0)
+    integrator: Literal["symplectic_euler"] = key("symplectic_euler", "md: how velocity and position are advanced")
+    law: Literal["linear", "hertz", "custom"] = key("linear", "md: normal force; custom takes `alpha`, `beta` and `k_d`")
+    k_r: Number | None = key(None, "md: coefficient of the elastic force k_r ζ^beta, instead of `stiffness`", "N/m^beta", gt=0)
+    k_d: Number | None = key(
+        None, "md: coefficient of the damping force k_d ζ^alpha ζ', instead of `restitution`", "N s/m^(1+alpha)", ge=0
+    )
+    alpha: Number | None = key(None, "md, custom law: exponent of the overlap in the damping force", ge=0, le=4)
+    beta: Number | None = key(None, "md, custom law: exponent of the overlap in the elastic force", gt=0, le=4)
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        checks.solver(self)
+        return self
+
+
+class Grains(Table):
+    """Grains of one kind: their shape, and where they start."""
+
+    shape: Literal["disc"] = key("disc", "shape of a grain")
+    radius: Range | None = key(None, "radius of a disc: a number, or [low, high] to draw from uniformly", "m")
+    density: Number = key(2650.0, "mass / area", "kg/m2", ge=1e-6)
+    count: Whole | None = key(None, "how many; without `fill`, in random places that do not overlap", ge=1, le=MOST_GRAINS)
+    fill: Literal["lattice", "hexagonal", "random"] | None = key(None, "pattern that fills the region, up to `count` if given")
+    pitch: Number | None = key(None, "lattice, hexagonal: spacing; the largest diameter if not given", "d", gt=0, le=100)
+    jitter: Number = key(0.0, "lattice, hexagonal: moved by up to this much either way, in mean radii", "r", ge=0, le=100)
+    region: Box | None = key(None, "[x0, y0, x1, y1] that the grains start in; the whole box if not given", "m")
+    positions: tuple[tuple[Number, ...], ...] | None = key(
+        None, "a row a grain, instead of `region`: x, y[, radius[, vx, vy[, angle[, spin]]]]", "m, m/s, rad, rad/s"
+    )
+    positions_file: str | None = key(None, "CSV file beside the scene file with the same columns; read when the scene is made")
+    velocity: Vector = key((0.0, 0.0), "[vx, vy], added to that of the row if there is one", "m/s")
+    speed: Range = key((0.0, 0.0), "added in a random direction, to every grain its own: a number, or [low, high]", "m/s")
+    spin: Number = key(0.0, "counter-clockwise, added to that of the row if there is one", "rad/s")
+    angle: Angle = key(0.0, 'a number, or "random"; added to that of the row if there is one', "rad")
+    fixed: Switch = key(False, "held in place")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_file(cls, data: Any) -> Any:
+        name = data.get("positions_file") if isinstance(data, dict) else None
+        if not isinstance(name, str) or data.get("positions") is not None:
+            return data
+        try:
+            rows = read_rows(Path(name))
+        except SandError as error:
+            raise SandError(f"positions_file: {error}", "positions_file") from None
+        return {**data, "positions": rows, "positions_file": None}
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        checks.grains(self)
+        return self
+
+
+class Wall(Table):
+    """A line obstacle: a polyline, solid from both sides."""
+
+    points: tuple[Vector, ...] = key(..., "corners [[x, y], …], at least two", "m", min_length=2)
+    closed: Switch = key(False, "joins the last point to the first")
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        checks.wall(self)
+        return self
+
+
+class View(Table):
+    """How pictures and films of the scene look."""
+
+    width: Whole = key(720, "width of the picture; its height follows from the size of the box", "pixels", ge=16, le=8192)
+    color: Literal["kind", "speed", "energy", "force", "pressure", "rotation", "order"] = key("kind", "what the colour shows")
+    force_chains: Switch = key(False, "draws the contact forces as lines between dimmed grains")
+    cold: str = key("#2B5DA8", 'color = "energy": the lowest', pattern=r"^#[0-9a-fA-F]{6}$")
+    hot: str = key("#F2542D", 'color = "energy": the highest', pattern=r"^#[0-9a-fA-F]{6}$")
+    caption: Switch = key(True, "title, time, number of grains, solver and a scale bar")
+    fps: Whole = key(30, "frames in a second of film", "1/s", ge=1, le=240)
+
+
+class Scene(Table):
+    """A scene, as one file describes it.
+
+    Raises:
+        SandError: a key is unknown, missing, of the wrong type, out of range or at odds with another.
+    """
+
+    title: str = key("", "name of the scene, shown above its pictures")
+    about: str = key("", "one line that says what there is to see")
+    size: Vector = key(..., "[width, height] of the box, which spans x 0…width, y 0…height", "m")
+    gravity: Vector = key((0.0, -9.81), "[gx, gy]", "m/s2")
+    seed: Whole = key(0, "all randomness of the scene comes from it", ge=0, lt=2**63)
+    duration: Number = key(5.0, "how long `run` and `render` simulate unless told otherwise", "s", ge=0)
+    scale: Number = key(
+        1.0, "the same scene with this many times the grains: counts ×scale, lengths but for grain sizes ×√scale", gt=0, le=1e4
+    )
+    edges: Edges = key(Edges(), "what the four sides of the box do")
+    solver: Solver = key(Solver(), "how contacts are resolved, and how exactly")
+    grains: tuple[Grains, ...] = key((), "one table for every kind of grain")
+    walls: tuple[Wall, ...] = key((), "line obstacles")
+    effects: dict[str, dict[str, Any]] = key({}, "a table present = the effect is on")
+    view: View = key(View(), "how pictures look")
+    _source: str = PrivateAttr("")
+
+    def __init__(self, /, **data: Any) -> None:
+        try:
+            super().__init__(**data)
+            if self.scale != 1:  # grow once; the scene made is an ordinary one with scale = 1
+                super().__init__(**self._grown())
+        except ValidationError as error:
+            raise in_words(error, _tables()) from None
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        checks.scene(self)
+        return self
+
+    def _grown(self) -> dict[str, Any]:
+        length = math.sqrt(self.scale)
+        data = self.model_dump(exclude_unset=True)
+        data |= {"scale": 1.0, "size": [length * side for side in self.size]}
+        for grains in data.get("grains", ()):
+            if grains.get("count"):
+                grains["count"] = max(1, round(grains["count"] * self.scale))
+            if grains.get("region"):
+                grains["region"] = [length * side for side in grains["region"]]
+        for wall in data.get("walls", ()):
+            wall["points"] = [[length * x, length * y] for x, y in wall["points"]]
+        return data
+
+    @property
+    def source(self) -> str:
+        """Name of the file that the scene was read from, or "" if it was made in Python."""
+        return self._source
+
+    def error(self, name: str, text: str) -> SandError:
+        """Returns the error "file: key: text" about key `name` of this scene (`solver.step`), to be raised."""
+        return SandError(f"{self._source}: {name}: {text}" if self._source else f"{name}: {text}", name)
+
+    def to_json(self) -> str:
+        """Returns the scene as JSON, positions read from files included."""
+        return self.model_dump_json(exclude_unset=True)
+
+    @classmethod
+    def from_json(cls, text: str | bytes) -> Self:
+        """Returns the scene that `to_json` wrote; SandError if the text is something else."""
+        try:
+            return cls.model_validate_json(text)
+        except ValidationError as error:
+            raise in_words(error, _tables()) from None
+
+
+def _tables() -> dict[str, type[BaseModel]]:
+    return {"": Scene, "edges": Edges, "solver": Solver, "grains": Grains, "walls": Wall, "view": View}

@@ -1,0 +1,232 @@
+"""The main loop: search, march, until the time asked for; and the state of a simulation, to read and to keep."""
+
+import time
+from collections.abc import Callable
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import taichi as ti
+
+from taichi_sand import effects as effect_modules
+from taichi_sand.scene.packing import pack
+from taichi_sand.scene.schema import Scene
+from taichi_sand.solvers import choose
+from taichi_sand.solvers.tolerance import bed_of
+from taichi_sand.world import checkpoint, device
+from taichi_sand.world.build import fill, make_world, read_grains
+from taichi_sand.world.flags import sentences
+from taichi_sand.world.motion import close_step
+from taichi_sand.world.pairs import search
+
+BATCH = 8
+"""Steps of a large world between two looks at whether its search still holds; steps that find it spent do nothing."""
+
+
+@ti.kernel
+def march(w: ti.template(), s: ti.template(), steps: ti.i32):
+    """`steps` steps with all searches they need, in one launch, on one thread (layout "one")."""
+    ti.loop_config(serialize=True)
+    for _run in range(1):
+        for _step in range(steps):
+            if w.pace[None].spent == 1:
+                search(w)
+            s.step(w, s)
+            close_step(w)
+
+
+@ti.kernel
+def search_alone(w: ti.template()):
+    """One search, its loops over blocks in parallel."""
+    search(w)
+
+
+@ti.kernel
+def step_alone(w: ti.template(), s: ti.template()):
+    """One step, its loops over blocks in parallel; nothing happens if a search is due."""
+    s.step(w, s)
+    close_step(w)
+
+
+class Simulation:
+    """A scene in motion.
+
+    Args:
+        scene: what to simulate.
+        arch: cpu, cuda, vulkan, metal or gpu (the best there is).
+        threads: CPU threads; all there are if None. Results do not depend on it.
+
+    Raises:
+        SandError: the scene cannot be simulated as it asks, or the backend is not there.
+    """
+
+    def __init__(self, scene: Scene, *, arch: str = "cpu", threads: int | None = None) -> None:
+        self.clock = {"wall": 0.0, "compile": 0.0, "stages": {}}
+        with self._stage("compile"):
+            self.scene, self.arch, self.threads = scene, arch, threads
+            device.start(self, arch, threads, scene.solver.precision)
+            self.effects = effect_modules.check(scene)
+            grains = pack(scene)
+            self._lay(grains)
+            fill(self.world, grains)
+            self.made = len(grains.radius)
+            self._start_steps()
+
+    def _lay(self, grains: Any) -> None:
+        """World, solver and effects, as structure; the grains come after."""
+        scene, kind = self.scene, self.scene.solver.kind
+        modules = {name: effect_modules.module(name) for name in self.effects}
+        columns = {name: module.memory(self.effects[name], kind) for name, module in modules.items()}
+        turns = any(module.TURNS for module in modules.values()) or bool(np.any(grains.spin))
+        speed = float(np.hypot(*grains.velocity.T).max()) if len(grains.radius) else 0.0
+        gravity = float(np.hypot(*scene.gravity))
+        solver = choose(kind)
+        extra = solver.MEMORY + sum(columns.values())
+        self.world = make_world(scene, grains, extra, solver.KEEP_FORCE, turns, self.arch != "cpu")
+        self.bed = bed_of(grains.radius, grains.mass, grains.fixed, scene.size[0], gravity, speed)
+        memory = list(self.world.pairs.memory[-extra:]) if extra else []
+        own = [memory.pop(0) for _ in range(solver.MEMORY)]
+        built = []
+        for name, module in modules.items():
+            live = effect_modules.live_field(name, self.effects[name], self.world.real)
+            built.append(module.build(self.effects[name], live, [memory.pop(0) for _ in range(columns[name])], kind))
+        self.numbers = solver.numbers(scene, self.bed)
+        self.solver = solver.build(scene, self.numbers, own, tuple(built), self.world.real)
+
+    def _start_steps(self) -> None:
+        pace = self.world.pace
+        pace[None].spent, pace[None].step, pace[None].speed_cap = 1, self.step, self.numbers["speed_cap"]
+        self._march(0)
+
+    @property
+    def step(self) -> float:
+        """Time step [s]."""
+        return self.numbers["step"]
+
+    @property
+    def steps(self) -> int:
+        """Steps done."""
+        return int(self.world.pace[None].done)
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.steps * self.step
+
+    def advance(self, seconds: float, progress: Callable[[float], None] | None = None) -> None:
+        """Simulates until `seconds` later, to the nearest step; `progress` is called with the share done."""
+        start = self.steps
+        total = round((self.time + seconds) / self.step) - start
+        done = 0
+        while done < total:
+            part = min(total - done, max(1, round(1 / (30 * self.step))) if progress else total)
+            self.advance_steps(part)
+            done += part
+            if progress:
+                progress(done / total)
+
+    def advance_steps(self, count: int) -> None:
+        """Simulates `count` steps."""
+        with self._stage("march"):
+            self._march(count)
+
+    def _march(self, count: int) -> None:
+        if self.world.layout == "one":
+            march(self.world, self.solver, count)
+            ti.sync()
+            return
+        end = self.steps + count
+        while self.steps < end:
+            if self.world.pace[None].spent:
+                search_alone(self.world)
+            for _ in range(min(BATCH, end - self.steps)):
+                step_alone(self.world, self.solver)
+
+    @contextmanager
+    def _stage(self, name: str) -> Any:
+        """Adds the time of the block to stage `name`."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            spent = time.perf_counter() - start
+            self.clock["compile" if name == "compile" else "wall"] += spent
+            if name != "compile":
+                self.clock["stages"][name] = self.clock["stages"].get(name, 0.0) + spent
+
+    def _grains(self) -> dict[str, np.ndarray]:
+        return read_grains(self.world)
+
+    @property
+    def positions(self) -> np.ndarray:
+        """Centres [m], shape (n, 2), in the order in which the scene made the grains, as all that follow."""
+        return self._grains()["position"]
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """[m/s], shape (n, 2)."""
+        return self._grains()["velocity"].astype(float)
+
+    @property
+    def angles(self) -> np.ndarray:
+        """[rad], shape (n,); whole turns are not counted."""
+        return self._grains()["angle"]
+
+    @property
+    def spins(self) -> np.ndarray:
+        """Angular velocities [rad/s], shape (n,)."""
+        return self._grains()["spin"].astype(float)
+
+    @property
+    def radii(self) -> np.ndarray:
+        """[m], shape (n,)."""
+        return self._grains()["radius"].astype(float)
+
+    @property
+    def ids(self) -> np.ndarray:
+        """Ids of the grains still there, shape (n,); the other arrays hold their rows in this order."""
+        return self._grains()["id"]
+
+    @property
+    def count(self) -> int:
+        """Grains present."""
+        return int(self.world.count[None])
+
+    @property
+    def lost(self) -> int:
+        """Grains that left through open edges."""
+        return self.made - self.count
+
+    def flags(self) -> list[str]:
+        """What went wrong so far, a sentence each; empty when all is well."""
+        return sentences(self.world.flags, self.step, self.numbers["speed_cap"])
+
+    def report(self) -> dict[str, Any]:
+        """What the simulation did, how well and at what cost; the keys are those of `taichi-sand run --json`."""
+        from taichi_sand.measure.report import report
+
+        with self._stage("measure"):
+            return report(self)
+
+    def image(self) -> np.ndarray:
+        """The picture of this moment, (height, width, 3) uint8."""
+        from taichi_sand.view.picture import image
+
+        return image(self)
+
+    def _fields(self) -> dict[str, Any]:
+        return checkpoint.fields_of((self.world, self.solver), "")
+
+    def save(self, path: str | Path) -> None:
+        """Writes a checkpoint from which `resume` goes on as if nothing had happened."""
+        about = {"scene": self.scene.to_json(), "made": self.made, "lost": self.lost}
+        checkpoint.save(path, about, self._fields())
+
+    @classmethod
+    def resume(cls, path: str | Path, *, arch: str = "cpu", threads: int | None = None) -> Self:
+        """The simulation that was saved to `path`; SandError if the file is damaged, foreign or of another version."""
+        about, arrays = checkpoint.load(path)
+        sim = cls(Scene.from_json(about["scene"]), arch=arch, threads=threads)
+        checkpoint.restore(sim._fields(), arrays, path)
+        return sim

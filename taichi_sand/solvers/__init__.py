@@ -1,0 +1,13 @@
+"""How contacts are resolved: `md` and `rigid`, one module each; only the one that a scene names is imported.
+
+A module declares MEMORY, the columns that follow a pair which it needs itself; KEEP_FORCE, whether the force of a pair is one more;
+numbers(scene, bed), what the tolerance makes of the scene; and build(...), the solver as kernels see it, with its ti.func `step`.
+"""
+
+import importlib
+from types import ModuleType
+
+
+def choose(kind: str) -> ModuleType:
+    """The module of solver `kind`, imported."""
+    return importlib.import_module(f"{__name__}.{kind}")

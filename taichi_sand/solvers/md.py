@@ -1,0 +1,122 @@
+"""Molecular dynamics: soft discs, forces summed pair by pair, small explicit steps.
+
+The law of the normal force is f_n = k_d ζ^α ζ' + k_r ζ^β, ζ the overlap, never attractive; `linear` is α, β = 0, 1, `hertz` 1/4, 3/2,
+the choice α = (β - 1)/2 for which restitution does not depend on speed (physics.md A3). k_d is `damping` times the root of the effective
+mass of the pair, so that pairs of all sizes have the same restitution.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import taichi as ti
+
+from taichi_sand.solvers.integrators import symplectic_euler
+from taichi_sand.solvers.tolerance import Bed, md_numbers
+from taichi_sand.world.geometry import distance_to_second, perp
+from taichi_sand.world.sweep import going, sweep
+from taichi_sand.world.tables import fill_struct
+
+MEMORY = 0
+KEEP_FORCE = False
+INTEGRATORS = {"symplectic_euler": symplectic_euler}
+
+
+def constants_type(real: Any) -> Any:
+    """Struct of the numbers of the solver; all may change while it runs."""
+    return ti.types.struct(
+        step=real,  # h [s]
+        stiffness=real,  # k_r [N/m^beta]
+        damping=real,  # k_d / sqrt(effective mass), or k_d itself where the scene gives it
+        weighted=real,  # 1 = `damping` is to be multiplied by the root of the effective mass, 0 = it is k_d
+        alpha=real,
+        beta=real,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class MolecularDynamics:
+    """The solver as kernels see it."""
+
+    constants: Any  # 0-D field of constants_type
+    law: str  # linear, hertz or custom
+    integrator: Any  # a grain function of the sweep
+    effects: tuple
+    step: Any  # ti.func of one step
+
+
+@ti.func
+def elastic_stiffness(law: ti.template(), c: ti.template(), overlap):
+    """f_n / overlap of the elastic part [N/m]."""
+    stiffness = c.stiffness
+    if ti.static(law == "hertz"):
+        stiffness *= ti.sqrt(overlap)
+    elif ti.static(law == "custom"):
+        stiffness *= overlap ** (c.beta - 1.0)
+    return stiffness
+
+
+@ti.func
+def damping(law: ti.template(), c: ti.template(), mass, overlap):
+    """k_d ζ^α [N s/m]."""
+    coefficient = c.damping * (1.0 + c.weighted * (ti.sqrt(mass) - 1.0))
+    if ti.static(law == "hertz"):
+        coefficient *= ti.sqrt(ti.sqrt(overlap))
+    elif ti.static(law == "custom"):
+        coefficient *= overlap**c.alpha
+    return coefficient
+
+
+@ti.func
+def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
+    """Adds the forces of pair p to the loads of its grains."""
+    pairs = ti.static(w.pairs)
+    g = ti.static(w.grains)
+    i = pairs.first[p]
+    j = i if ti.static(wall) else pairs.second[p]
+    distance, normal = distance_to_second(w, p, i, wall)
+    overlap = pairs.contact_distance[p] - distance
+    force = ti.Vector([0.0, 0.0])
+    if overlap > 0.0:
+        velocity = -g.velocity[i] if ti.static(wall) else g.velocity[j] - g.velocity[i]
+        stiffness = elastic_stiffness(s.law, c, overlap)
+        dashpot = damping(s.law, c, pairs.mass[p], overlap)
+        force.x = ti.max(stiffness * overlap - dashpot * velocity.dot(normal), 0.0)
+        if ti.static(w.turns):
+            arm_i = g.radius[i] - (overlap if ti.static(wall) else 0.5 * overlap)
+            arm_j = 0.0 if ti.static(wall) else g.radius[j] - 0.5 * overlap
+            slip = velocity.dot(perp(normal)) - arm_i * g.spin[i]
+            if ti.static(not wall):
+                slip -= arm_j * g.spin[j]
+            for effect in ti.static(s.effects):
+                if ti.static(hasattr(effect, "tangent")):
+                    force.y += effect.tangent(w, c, p, force.x, slip, stiffness, dashpot)
+            g.torque[i] -= arm_i * force.y
+            if ti.static(not wall):
+                g.torque[j] -= arm_j * force.y
+        push = force.x * normal + force.y * perp(normal)
+        g.load[i] -= push
+        if ti.static(not wall):
+            g.load[j] += push
+    else:
+        for effect in ti.static(s.effects):
+            if ti.static(hasattr(effect, "release")):
+                effect.release(w, p)
+    pairs.force[p] = force
+
+
+@ti.func
+def step(w: ti.template(), s: ti.template()):
+    """One step: forces of all pairs, then the motion of all grains."""
+    c = s.constants[None]
+    sweep(w, (contact,), s.integrator, s, c, going)
+
+
+def numbers(scene: Any, bed: Bed) -> dict[str, float]:
+    """Numbers of `constants_type`, and the speed cap [m/s]; SandError if the step asked for is not stable."""
+    return md_numbers(scene, bed)
+
+
+def build(scene: Any, values: dict[str, float], own: list, effects: tuple, real: Any) -> MolecularDynamics:
+    """The solver for a world; `own` holds the columns of the pair table that MEMORY asked for."""
+    constants = fill_struct(constants_type(real), values)
+    return MolecularDynamics(constants, scene.solver.law, INTEGRATORS[scene.solver.integrator], effects, step)

@@ -1,0 +1,163 @@
+"""From the tolerance (overlap allowed at rest / d) to stiffness, damping and step, for both solvers (physics.md D1-D3)."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+CONTACT_STEPS = 20
+"""Steps of molecular dynamics in a collision."""
+STEP_LIMIT = 0.18
+"""Largest stable step over the collision time, for the densest packings with tangential springs (physics.md D1)."""
+MOST_DAMPING = 1.25
+"""Largest damping ratio: with a force that never pulls it means a restitution of 0.1, and less would cost smaller steps."""
+SAG = 1.11
+"""Soft step: h = SAG sqrt(x d / (n g)) lets a pile of n grains sag to the overlap x d (physics.md D3)."""
+SOFT_HERTZ = 0.25
+"""Frequency of the soft contact times h; stiffer contacts jitter (physics.md D4)."""
+SOFT_DAMPING = 10.0
+"""Damping ratio of the soft contact."""
+LONGEST_STEP = 1 / 240
+"""No step of the rigid solver is longer [s]."""
+REFERENCE_TIME = 6.0
+"""Time of the slow reference impulse, in n h: a few times what a sound wave takes through the pile."""
+LEAST_REFERENCE_TIME = 0.1
+"""And at least this [s]."""
+PUSH, IMPACT = 1.0, 0.3
+"""Rigid: fastest separation of overlapping grains, and slowest impact, in sqrt(g d) (physics.md D5)."""
+
+
+@dataclass(frozen=True)
+class Bed:
+    """What the tolerance has to do with: grains and their load."""
+
+    diameter: float  # mean [m]
+    mass: float  # mean [kg]
+    least_mass: float  # [kg]
+    depth: float  # of the pile, in grains
+    gravity: float  # [m/s2]
+    speed: float  # fastest grain at the start [m/s]
+
+
+def bed_of(radius: np.ndarray, mass: np.ndarray, fixed: np.ndarray, width: float, gravity: float, speed: float) -> Bed:
+    """Bed that the grains will form on a floor `width` [m] wide at packing fraction 0.84; it is at least one grain deep."""
+    free = ~fixed if (~fixed).any() else np.ones_like(fixed)
+    diameter = 2 * float(radius[free].mean())
+    area = math.pi * float((radius[free] ** 2).sum())
+    stacked = float(radius[free].sum() * 2) / diameter
+    depth = min(area / (0.84 * width) / diameter, stacked)
+    return Bed(diameter, float(mass[free].mean()), float(mass[free].min()), max(depth, 1.0), gravity, speed)
+
+
+def collision_restitution(zeta: float) -> float:
+    """Restitution of a linear spring and dashpot that never pulls, damping ratio `zeta` (Schwager & Pöschel 2007; physics.md A1)."""
+    if zeta < 1e-9:
+        return 1.0
+    if abs(zeta - 1) < 1e-6:
+        return math.exp(-2.0)
+    if zeta < 1:
+        root = math.sqrt(1 - zeta * zeta)
+        return math.exp(-zeta / root * (math.pi - math.atan2(2 * zeta * root, 1 - 2 * zeta * zeta)))
+    root = math.sqrt(zeta * zeta - 1)
+    return math.exp(-zeta / root * math.log((zeta + root) / (zeta - root)))
+
+
+def impact_restitution(chi: float, beta: float, steps: int = 2000) -> float:
+    """Restitution of f = max(0, χ ζ^((β-1)/2) ζ' + ζ^β) for unit mass and speed, by integration (RK4)."""
+    alpha = (beta - 1) / 2
+    x, v = 0.0, 1.0
+    h = 8.0 / steps
+
+    def acceleration(x: float, v: float) -> float:
+        x = max(x, 0.0)
+        return -max(0.0, chi * x**alpha * v + x**beta)
+
+    while x >= 0.0 and (v > 0 or acceleration(x, v) < 0):
+        a1 = acceleration(x, v)
+        a2 = acceleration(x + h / 2 * v, v + h / 2 * a1)
+        a3 = acceleration(x + h / 2 * v + h * h / 4 * a1, v + h / 2 * a2)
+        a4 = acceleration(x + h * v + h * h / 2 * a2, v + h * a3)
+        x += h * v + h * h / 6 * (a1 + a2 + a3)
+        v += h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+    return -v
+
+
+def damping_for(restitution: float, beta: float) -> float:
+    """χ such that k_d = χ sqrt(k_r m_eff) gives `restitution` at any speed, for α = (β - 1)/2; bounded by MOST_DAMPING."""
+    if beta == 1.0:
+        low, high = 0.0, 2 * MOST_DAMPING
+        measure = lambda chi: collision_restitution(chi / 2)  # noqa: E731
+    else:
+        low, high = 0.0, 2 * MOST_DAMPING * math.sqrt(beta)
+        measure = lambda chi: impact_restitution(chi, beta)  # noqa: E731
+    if restitution >= 1.0:
+        return 0.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if measure(middle) > restitution else (low, middle)
+    return high
+
+
+def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
+    """Numbers of solvers.md.constants_type, and the speed cap [m/s]. SandError if the scene asks for an unstable step."""
+    solver = scene.solver
+    alpha, beta = {"linear": (0.0, 1.0), "hertz": (0.25, 1.5)}.get(solver.law, (solver.alpha, solver.beta))
+    overlap = solver.tolerance * bed.diameter
+    rest = bed.depth * bed.mass * bed.gravity / overlap
+    impact = 0.5 * bed.mass * (bed.speed / (math.sqrt(solver.tolerance) * bed.diameter)) ** 2
+    stiffness = solver.stiffness or max(rest, impact) or 1e4 * bed.mass
+    k_r = solver.k_r if solver.k_r is not None else stiffness * overlap ** (1 - beta)
+    stiffness = k_r * overlap ** (beta - 1)
+    weighted = solver.k_d is None
+    damping = damping_for(solver.restitution, beta) * math.sqrt(k_r) if weighted else solver.k_d
+    reduced = 0.5 * bed.least_mass
+    k_d = damping * (math.sqrt(reduced) if weighted else 1.0) * overlap**alpha
+    ratio = k_d / (2 * math.sqrt(beta * stiffness * reduced))
+    contact_time = math.pi * math.sqrt(reduced / (beta * stiffness))
+    limit = STEP_LIMIT * contact_time * (math.sqrt(1 + ratio**2) - ratio)
+    step = solver.step or min(contact_time / CONTACT_STEPS, limit)
+    if step > limit:
+        raise scene.error(
+            "solver.step",
+            f"{step:g} s is beyond the stability limit of {limit:.3g} s for these contacts; "
+            "take a smaller step, a larger tolerance or a softer contact",
+        )
+    cap = 0.5 * bed.diameter * math.pi / contact_time
+    return {
+        "step": step,
+        "stiffness": k_r,
+        "damping": damping,
+        "weighted": float(weighted),
+        "alpha": alpha,
+        "beta": beta,
+        "speed_cap": cap,
+    }
+
+
+def rigid_numbers(solver: Any, bed: Bed) -> dict[str, float]:
+    """Numbers of solvers.rigid.constants_type, and the speed cap [m/s]."""
+    weight = max(bed.depth * bed.gravity, 1e-12)
+    step = min(SAG * math.sqrt(solver.tolerance * bed.diameter / weight), LONGEST_STEP)
+    if solver.substeps:
+        step = 1 / (60 * solver.substeps)
+    step = solver.step or step
+    hertz = solver.hertz or SOFT_HERTZ / step
+    omega = 2 * math.pi * hertz
+    a1 = 2 * SOFT_DAMPING + step * omega
+    a2 = step * omega * a1
+    unit = math.sqrt(max(bed.gravity, 0.0) * bed.diameter)
+    time = max(REFERENCE_TIME * bed.depth * step, LEAST_REFERENCE_TIME)
+    return {
+        "step": step,
+        "rate": 1 / step,
+        "mass_scale": a2 / (1 + a2),
+        "impulse_scale": 1 / (1 + a2),
+        "bias_rate": omega / a1,
+        "push_cap": PUSH * unit if unit > 0 else bed.diameter,
+        "restitution": solver.restitution,
+        "threshold": max(IMPACT * unit, 4 * bed.gravity * step),
+        "reference_rate": step / time,
+        "speed_cap": bed.diameter / step,
+    }

@@ -1,0 +1,235 @@
+"""The kernels of the painter: where grains and forces lie on the canvas, in which colours, and the painting itself.
+
+Grains are first placed (a short serial pass), then painted in bands of columns, in parallel, each band in the order of the slots.
+All lists are NumPy arrays of the painter: the painter needs no room on the device. Coordinates are pixels, y down.
+"""
+
+import taichi as ti
+
+from taichi_sand.view.shapes import disc, lighter, line, mix
+from taichi_sand.world.geometry import position
+
+BANDS = 16
+"""Columns of the picture are painted in so many bands. A constant: a run-time range as short as this would run on one thread."""
+SHOWN_RADIUS = 0.985
+"""Part of a disc's radius that is painted, so that neighbours stay apart."""
+LIGHTNESS_SPREAD = 0.07
+SPOKE_LIGHTNESS, SPOKE_LENGTH, SPOKE_WIDTH = 0.62, 0.86, 0.28
+SPOKE_RADII = (3.0, 5.0)
+"""Discs smaller than the first [px] get no spoke, those larger than the second a full one, the rest a fainter one."""
+TONES = 4
+"""Tones of sand for each kind of grain; a grain's id chooses one."""
+NO_SPOKE = 1e9
+"""Angle of a disc without a spoke."""
+NO_ROW = 2**30
+
+Packed = ti.types.ndarray(dtype=ti.u32, ndim=1)
+Integers = ti.types.ndarray(dtype=ti.i32, ndim=1)
+Numbers = ti.types.ndarray(dtype=ti.f32, ndim=1)
+Rows = ti.types.ndarray(dtype=ti.f32, ndim=2)
+Spans = ti.types.ndarray(dtype=ti.i32, ndim=2)
+Bytes = ti.types.ndarray(dtype=ti.u8, ndim=1)
+
+
+@ti.func
+def band_of(column, width):
+    """The band that paints this column; the nearest one beyond the picture."""
+    return ((ti.min(ti.max(column, 0), width - 1) + 1) * BANDS - 1) // width
+
+
+@ti.func
+def id_hash(number):
+    """Scrambled bits of a grain's id."""
+    h = ti.cast(number, ti.u32) * ti.u32(2654435761)
+    h = (h ^ (h >> ti.u32(15))) * ti.u32(2246822519)
+    return h ^ (h >> ti.u32(13))
+
+
+@ti.func
+def grain_tone(w: ti.template(), i, tones: ti.template()):
+    """Colour by kind, with the lightness that is the grain's own."""
+    bits = id_hash(w.grains.id[i])
+    kind = w.grains.kind[i] % (tones.shape[0] // TONES)
+    spread = ti.cast((bits >> ti.u32(8)) & ti.u32(0xFFFF), ti.f32) / 32767.5 - 1.0
+    return lighter(tones[kind * TONES + ti.cast(bits & ti.u32(3), ti.i32)], 1.0 + LIGHTNESS_SPREAD * spread)
+
+
+@ti.kernel
+def colour_by_kind(w: ti.template(), tones: Packed, fixed: ti.u32, colours: Packed):
+    """Colour of every grain from the tones of its kind; fixed grains have one of their own."""
+    ti.loop_config(serialize=True)
+    for i in range(w.count[None]):
+        colours[i] = grain_tone(w, i, tones) if w.grains.inverse_mass[i] > 0.0 else fixed
+
+
+@ti.kernel
+def colour_by_value(w: ti.template(), values: Numbers, top: ti.f32, colour_map: Packed, fixed: ti.u32, colours: Packed):
+    """Colour of every grain from a map, 0 .. top; fixed grains have one of their own."""
+    last = colour_map.shape[0] - 1
+    ti.loop_config(serialize=True)
+    for i in range(w.count[None]):
+        entry = ti.cast(values[i] / top * ti.cast(last, ti.f32) + 0.5, ti.i32)
+        colours[i] = colour_map[ti.min(last, ti.max(0, entry))] if w.grains.inverse_mass[i] > 0.0 else fixed
+
+
+@ti.kernel
+def moving_values(w: ti.template(), values: Numbers, out: Numbers) -> ti.i32:
+    """Values of the grains that are not fixed, gathered at the front of `out`; their number."""
+    found = 0
+    ti.loop_config(serialize=True)
+    for _ in range(1):
+        for i in range(w.count[None]):
+            if w.grains.inverse_mass[i] > 0.0:
+                out[found] = values[i]
+                found += 1
+    return found
+
+
+@ti.func
+def list_disc(k, i, x, y, r, angle, width, height, discs: ti.template(), owner: ti.template(), bands: ti.template()):
+    """Writes row k if the disc can be seen. Returns the next row."""
+    row = k
+    if x + r > -1.0 and x - r < width + 1.0 and y + r > -1.0 and y - r < height + 1.0:
+        discs[row, 0], discs[row, 1], discs[row, 2], discs[row, 3] = x, y, r, angle
+        owner[row] = i
+        low = band_of(ti.cast(ti.floor(x - r), ti.i32) - 1, width)
+        high = band_of(ti.cast(ti.floor(x + r), ti.i32) + 1, width)
+        for s in range(low, high + 1):
+            bands[s, 0] = ti.min(bands[s, 0], row)
+            bands[s, 1] = row + 1
+        row += 1
+    return row
+
+
+@ti.kernel
+def place_discs(
+    w: ti.template(), scale: ti.f32, width: ti.i32, height: ti.i32, discs: Rows, owner: Integers, bands: Spans
+) -> ti.i32:
+    """Lists the discs that can be seen: x, y, radius, angle; which grain each shows; for each band of columns the first one and the
+    one after the last. A grain that reaches over a periodic edge is listed on both sides. Returns the number of discs.
+    """
+    placed = 0
+    ti.loop_config(serialize=True)
+    for _ in range(1):
+        for s in range(BANDS):
+            bands[s, 0], bands[s, 1] = NO_ROW, 0
+        for i in range(w.count[None]):
+            place, size = position(w, i), w.box[None].size
+            r = ti.cast(w.grains.radius[i], ti.f32) * scale * SHOWN_RADIUS
+            angle = NO_SPOKE
+            if ti.static(w.turns):
+                if w.grains.inverse_inertia[i] > 0.0:
+                    angle = ti.cast(w.grains.angle[i] + w.grains.turn[i], ti.f32)
+            for across in ti.static((-1, 0, 1) if w.periodic[0] else (0,)):
+                for up in ti.static((-1, 0, 1) if w.periodic[1] else (0,)):
+                    x = ti.cast(place.x + across * size.x, ti.f32) * scale
+                    y = ti.cast(height, ti.f32) - ti.cast(place.y + up * size.y, ti.f32) * scale
+                    placed = list_disc(placed, i, x, y, r, angle, width, height, discs, owner, bands)
+    return placed
+
+
+@ti.kernel
+def paint_discs(canvas: Packed, width: ti.i32, height: ti.i32, discs: Rows, owner: Integers, bands: Spans, colours: Packed, spokes: ti.i32):
+    """Paints the discs listed, those with an angle with a spoke, if `spokes` is 1."""
+    ti.loop_config(block_dim=1)
+    for s in range(BANDS):
+        x0, x1 = s * width // BANDS, (s + 1) * width // BANDS
+        for k in range(bands[s, 0], bands[s, 1]):
+            x, y, r, angle = discs[k, 0], discs[k, 1], discs[k, 2], discs[k, 3]
+            if x + r + 1.0 > x0 and x - r - 1.0 < x1:
+                colour = colours[owner[k]]
+                disc(canvas, width, height, x0, x1, x, y, r, colour)
+                if spokes == 1 and angle < NO_SPOKE and r > SPOKE_RADII[0]:
+                    shown = ti.min(1.0, (r - SPOKE_RADII[0]) / (SPOKE_RADII[1] - SPOKE_RADII[0]))
+                    dark = lighter(colour, 1.0 - (1.0 - SPOKE_LIGHTNESS) * shown)
+                    tip = (SPOKE_LENGTH - 0.5 * SPOKE_WIDTH) * r
+                    tip_x, tip_y = x + tip * ti.cos(angle), y - tip * ti.sin(angle)
+                    line(canvas, width, height, x0, x1, x, y, tip_x, tip_y, SPOKE_WIDTH * r, dark)
+
+
+@ti.func
+def list_line(k, x, y, way, force, lines: ti.template(), forces: ti.template()):
+    """Writes a line from (x, y) along `way` (y up) as row k, if there is room. Returns the next row."""
+    row = k
+    if row < forces.shape[0]:
+        lines[row, 0], lines[row, 1], lines[row, 2], lines[row, 3] = x, y, x + way.x, y - way.y
+        forces[row] = force
+        row += 1
+    return row
+
+
+@ti.kernel
+def place_forces(w: ti.template(), scale: ti.f32, height: ti.i32, lines: Rows, forces: Numbers) -> ti.i32:
+    """Lists the contacts that push, as lines from centre to centre, or to the wall, and their normal forces. Their number."""
+    placed = 0
+    ti.loop_config(serialize=True)
+    for _ in range(1):
+        for i in range(w.count[None]):
+            row = w.pace[None].half * w.capacity + i
+            for p in range(w.pairs.row_start[row], w.pairs.row_end[row]):
+                if w.pairs.force[p].x > 0.0:
+                    placed = list_force(w, p, scale, height, lines, forces, placed, False)
+            for p in range(w.pairs.wall_row_start[row], w.pairs.wall_row_end[row]):
+                if w.pairs.force[p].x > 0.0:
+                    placed = list_force(w, p, scale, height, lines, forces, placed, True)
+    return placed
+
+
+@ti.func
+def list_force(w: ti.template(), p, scale, height, lines: ti.template(), forces: ti.template(), k, wall: ti.template()):
+    """Lists pair p, twice if it reaches over a periodic edge. Returns the next row."""
+    force = ti.cast(w.pairs.force[p].x, ti.f32)
+    length = ti.cast(w.pairs.contact_distance[p] + w.pairs.gap[p], ti.f32) * scale
+    way = length * ti.cast(w.pairs.normal[p], ti.f32)
+    start = ti.cast(position(w, w.pairs.first[p]), ti.f32) * scale
+    row = list_line(k, start.x, height - start.y, way, force, lines, forces)
+    if ti.static(not wall and (w.periodic[0] or w.periodic[1])):
+        end = ti.cast(position(w, w.pairs.second[p]), ti.f32) * scale
+        if (end - start - way).norm() > 0.5 * length + 1.0:
+            row = list_line(row, end.x, height - end.y, -way, force, lines, forces)
+    return row
+
+
+@ti.kernel
+def paint_lines(canvas: Packed, width: ti.i32, height: ti.i32, lines: Rows, thickness: Numbers, colours: Packed):
+    """Paints lines (x, y, x, y), the last on top."""
+    ti.loop_config(block_dim=1)
+    for s in range(BANDS):
+        x0, x1 = s * width // BANDS, (s + 1) * width // BANDS
+        for k in range(colours.shape[0]):
+            ax, ay, bx, by = lines[k, 0], lines[k, 1], lines[k, 2], lines[k, 3]
+            pad = 0.5 * thickness[k] + 1.0
+            if ti.max(ax, bx) + pad > x0 and ti.min(ax, bx) - pad < x1:
+                line(canvas, width, height, x0, x1, ax, ay, bx, by, thickness[k], colours[k])
+
+
+@ti.kernel
+def paint_tiles(canvas: Packed, width: ti.i32, height: ti.i32, tiles: Spans, pixels: Packed):
+    """Lays small pictures over the canvas, one after the other; what sticks out is cut off.
+
+    A row of `tiles` is left, top, width, height; their pixels follow one another in `pixels`, 0xAARRGGBB, alpha 0 .. 255.
+    """
+    ti.loop_config(serialize=True)
+    for _ in range(1):
+        start = 0
+        for k in range(tiles.shape[0]):
+            left, top, wide, high = tiles[k, 0], tiles[k, 1], tiles[k, 2], tiles[k, 3]
+            for v in range(ti.max(0, -top), ti.min(high, height - top)):
+                for u in range(ti.max(0, -left), ti.min(wide, width - left)):
+                    pixel = pixels[start + v * wide + u]
+                    share = pixel >> ti.u32(24)
+                    at = (top + v) * width + left + u
+                    canvas[at] = mix(canvas[at], pixel, share + (share >> ti.u32(7)))
+            start += wide * high
+
+
+@ti.kernel
+def unpack(canvas: Packed, image: Bytes):
+    """The canvas as bytes red, green, blue."""
+    ti.loop_config(block_dim=1)
+    for s in range(BANDS):
+        pixels = canvas.shape[0]
+        for k in range(s * (pixels // BANDS), (s + 1) * (pixels // BANDS) if s < BANDS - 1 else pixels):
+            image[3 * k] = ti.cast(canvas[k] >> ti.u32(16), ti.u8)
+            image[3 * k + 1] = ti.cast(canvas[k] >> ti.u32(8), ti.u8)
+            image[3 * k + 2] = ti.cast(canvas[k], ti.u8)

@@ -1,0 +1,176 @@
+"""World -> picture: the painter, behind every picture, film and window."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from taichi_sand.view import kernels, palette
+from taichi_sand.view.views import KIND, PERCENTILE, VIEWS, Range, check_view, quantile
+from taichi_sand.world.tables import World
+
+REFERENCE_WIDTH = 720
+"""Walls and force chains have their nominal widths [px] in a picture this wide, and grow with it."""
+WALL_WIDTH = 2.0
+CHAIN_WIDTHS = (0.4, 4.6)
+CHAIN_WIDEST_GRAIN = (0.25, 0.9)
+"""The widest chains are at least and at most this part of a mean grain's diameter."""
+CHAIN_EXPONENT, CHAIN_PERCENTILE = 0.7, 0.97
+SPOKED = (KIND, "rotation")
+"""Views in which a spoke shows how a grain is turned; in the others it would be in the way."""
+LINES_PER_GRAIN = 6
+"""Room for force lines: contacts that push, per grain slot."""
+
+
+@dataclass(frozen=True)
+class Legend:
+    """What the colours of a picture mean."""
+
+    name: str
+    unit: str
+    top: float  # the range is 0 .. top
+    colours: np.ndarray  # the map, u32
+
+
+def picture_height(size_m: Sequence[float], width: int) -> int:
+    """Height [px] of a picture `width` wide of a box of this size [m]; even, as films want it."""
+    return max(2, 2 * round(0.5 * width * size_m[1] / size_m[0]))
+
+
+def sand_tones(kinds: int) -> np.ndarray:
+    """Colours of each kind of grain. A single kind gets all tones of sand, so that its grains can be told apart."""
+    sand = np.array([palette.packed(tone) for tone in palette.SAND], np.uint32)
+    return sand if kinds == 1 else np.repeat(sand, kernels.TONES)
+
+
+def edge_lines(width: int, height: int, edges: Sequence[bool], thickness: float) -> np.ndarray:
+    """The edges of the picture (left, right, bottom, top) that are walls, as lines just inside it [px]; shape (n, 4)."""
+    inset = 0.5 * thickness
+    right, bottom = width - inset, height - inset
+    lines = [(inset, 0, inset, height), (right, 0, right, height), (0, bottom, width, bottom), (0, inset, width, inset)]
+    return np.array([line for line, wall in zip(lines, edges, strict=True) if wall], float).reshape(-1, 4)
+
+
+class Painter:
+    """Paints a world. `color`, `force_chains` and `walls` may be changed between pictures.
+
+    walls: straight parts, shape (n, 4): x, y of one end, x, y of the other [m].
+    edges: which edges of the box are walls: left, right, bottom, top.
+    kinds: how many kinds of grains the scene has.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        size_m: Sequence[float],
+        width: int = REFERENCE_WIDTH,
+        *,
+        color: str = KIND,
+        force_chains: bool = False,
+        cold: str = palette.COLD,
+        hot: str = palette.HOT,
+        walls: np.ndarray | None = None,
+        edges: Sequence[bool] = (False, False, False, False),
+        kinds: int = 1,
+    ) -> None:
+        check_view(color)
+        self.world, self.color, self.force_chains = world, color, force_chains
+        self.width, self.height = width, picture_height(size_m, width)
+        self.scale = width / size_m[0]  # px/m
+        self.enlargement = width / REFERENCE_WIDTH
+        self.walls = np.zeros((0, 4)) if walls is None else walls
+        self.edges = edge_lines(self.width, self.height, edges, max(1.0, WALL_WIDTH * self.enlargement))
+        self.legend: Legend | None = None
+        self.chain_widths = self._chain_widths()
+        self._maps = {name: palette.colour_map(view.stops) for name, view in VIEWS.items() if view.stops}
+        self._maps["energy"] = palette.blend_map(cold, hot)
+        self._chain_map = palette.colour_map(palette.CHAIN)
+        self._tones = sand_tones(kinds)
+        self._dim = np.full(kernels.TONES, palette.packed(palette.CHAIN_GRAIN), np.uint32)
+        self._ranges: dict[str, Range] = {}
+        self._allocate()
+
+    def _allocate(self) -> None:
+        """Lists that the kernels fill. Where edges are periodic a grain may be seen up to four times."""
+        capacity = self.world.capacity
+        copies = 4 if any(self.world.periodic) else 1
+        self._values, self._moving = np.zeros(capacity, np.float32), np.zeros(capacity, np.float32)
+        self._colours = np.zeros(capacity, np.uint32)
+        self._discs, self._owner = np.zeros((copies * capacity, 4), np.float32), np.zeros(copies * capacity, np.int32)
+        self._bands = np.zeros((kernels.BANDS, 2), np.int32)
+        self._lines = np.zeros((LINES_PER_GRAIN * capacity, 4), np.float32)
+        self._forces = np.zeros(LINES_PER_GRAIN * capacity, np.float32)
+        self._canvas = np.zeros(self.width * self.height, np.uint32)
+
+    def _chain_widths(self) -> tuple[float, float]:
+        """Thinnest and widest chain [px]."""
+        grain = float(self.world.box[None].diameter) * self.scale
+        thin, wide = (self.enlargement * width for width in CHAIN_WIDTHS)
+        return thin, min(max(wide, CHAIN_WIDEST_GRAIN[0] * grain), CHAIN_WIDEST_GRAIN[1] * grain)
+
+    def paint(self, time: float = 0.0, canvas: np.ndarray | None = None) -> np.ndarray:
+        """Paints the world as it is at `time` [s] and returns the canvas: u32, 0x00RRGGBB, row by row from the top, flat.
+
+        `canvas`, if given, is painted instead of the painter's own: with `ti.GUI(fast_gui=True).img` nothing is copied.
+        """
+        canvas = self._canvas if canvas is None else canvas
+        canvas.fill(palette.packed(palette.GROUND))
+        self.legend = None
+        self._colour(time)
+        world, size = self.world, (self.width, self.height)
+        kernels.place_discs(world, self.scale, *size, self._discs, self._owner, self._bands)
+        spokes = self.color in SPOKED and not self.force_chains
+        kernels.paint_discs(canvas, *size, self._discs, self._owner, self._bands, self._colours, spokes)
+        if self.force_chains:
+            self._paint_chains(canvas, time)
+        self._paint_walls(canvas)
+        return canvas
+
+    def _colour(self, time: float) -> None:
+        """Fills the colour of every grain."""
+        fixed = palette.packed(palette.FIXED)
+        if self.force_chains or self.color == KIND:
+            kernels.colour_by_kind(self.world, self._dim if self.force_chains else self._tones, fixed, self._colours)
+            return
+        view, table = VIEWS[self.color], self._maps[self.color]
+        view.measure(self.world, self._values)
+        top = view.full
+        if top is None:
+            found = kernels.moving_values(self.world, self._values, self._moving)
+            top = self._follow(self.color, quantile(self._moving[:found], PERCENTILE), time)
+        kernels.colour_by_value(self.world, self._values, max(top, 1e-30), table, fixed, self._colours)
+        self.legend = Legend(self.color, view.unit, top, table)
+
+    def _follow(self, name: str, value: float, time: float) -> float:
+        """Top of the range of a view, steadied in time."""
+        return self._ranges.setdefault(name, Range()).follow(value, time)
+
+    def _paint_chains(self, canvas: np.ndarray, time: float) -> None:
+        """Contacts as lines whose width and colour follow the normal force, the strong ones on top."""
+        found = kernels.place_forces(self.world, self.scale, self.height, self._lines, self._forces)
+        forces = self._forces[:found]
+        top = self._follow("chains", quantile(forces, CHAIN_PERCENTILE), time)
+        strength = np.minimum(1.0, forces / max(top, 1e-30)) ** CHAIN_EXPONENT
+        level = np.rint(strength * (palette.ENTRIES - 1)).astype(np.uint8)
+        upwards = np.argsort(level, kind="stable")
+        thickness = self.chain_widths[0] + (self.chain_widths[1] - self.chain_widths[0]) * strength[upwards]
+        kernels.paint_lines(
+            canvas, self.width, self.height, self._lines[upwards], thickness.astype(np.float32), self._chain_map[level[upwards]]
+        )
+        self.legend = Legend("contact force", "N", top, self._chain_map)
+
+    def _paint_walls(self, canvas: np.ndarray) -> None:
+        """Walls and walled edges."""
+        ends = self.walls * self.scale
+        ends[:, 1::2] = self.height - ends[:, 1::2]
+        lines = np.concatenate([ends, self.edges]).astype(np.float32)
+        thickness = np.full(len(lines), max(1.0, WALL_WIDTH * self.enlargement), np.float32)
+        colours = np.full(len(lines), palette.packed(palette.FIXED), np.uint32)
+        if len(lines):
+            kernels.paint_lines(canvas, self.width, self.height, lines, thickness, colours)
+
+    def rgb(self, canvas: np.ndarray) -> np.ndarray:
+        """A canvas as an image: uint8, shape (height, width, 3)."""
+        image = np.empty(3 * self.width * self.height, np.uint8)
+        kernels.unpack(canvas, image)
+        return image.reshape(self.height, self.width, 3)

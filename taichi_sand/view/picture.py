@@ -1,0 +1,61 @@
+"""The picture of a simulation, as its scene wants it: what `sim.image()` gives and a film is made of."""
+
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from taichi_sand.scene.schema import Scene
+from taichi_sand.view.caption import Caption
+from taichi_sand.view.paint import Painter
+
+if TYPE_CHECKING:
+    from taichi_sand.simulation import Simulation
+
+SIDES = ("left", "right", "bottom", "top")
+_painters: WeakKeyDictionary["Simulation", Painter] = WeakKeyDictionary()
+
+
+def image(sim: "Simulation") -> np.ndarray:
+    """This moment as an image, (height, width, 3) uint8, row 0 at the top; with a caption if the scene wants one."""
+    painter = painter_of(sim)
+    canvas = painter.paint(sim.time)
+    if sim.scene.view.caption:
+        caption = Caption(painter.width, painter.height, painter.scale)
+        caption.draw(canvas, sim.scene.title, facts(sim), painter.legend)
+    return painter.rgb(canvas)
+
+
+def painter_of(sim: "Simulation") -> Painter:
+    """The painter of a simulation: made once, as the scene's [view] says."""
+    painter = _painters.get(sim)
+    if painter is None or painter.world is not sim.world:
+        scene, view = sim.scene, sim.scene.view
+        painter = _painters[sim] = Painter(
+            sim.world,
+            scene.size,
+            view.width,
+            color=view.color,
+            force_chains=view.force_chains,
+            cold=view.cold,
+            hot=view.hot,
+            walls=wall_lines(scene),
+            edges=[getattr(scene.edges, side) == "wall" for side in SIDES],
+            kinds=max(1, len(scene.grains)),
+        )
+    return painter
+
+
+def facts(sim: "Simulation") -> list[str]:
+    """What the caption says of this moment: time, grains, how it is computed."""
+    grains, solver = sim.count, sim.scene.solver
+    return [f"t = {sim.time:.2f} s", f"{grains} grain{'' if grains == 1 else 's'}", f"{solver.kind}, tolerance {solver.tolerance:g} d"]
+
+
+def wall_lines(scene: Scene) -> np.ndarray:
+    """Walls of a scene as straight parts: x, y of one end, x, y of the other [m]; shape (n, 4)."""
+    lines = []
+    for wall in scene.walls:
+        points = [*wall.points, wall.points[0]] if wall.closed else list(wall.points)
+        lines += [(*start, *end) for start, end in zip(points[:-1], points[1:], strict=True)]
+    return np.array(lines, float).reshape(-1, 4)

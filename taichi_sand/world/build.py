@@ -1,0 +1,146 @@
+"""Makes the World of a scene, and reads its grains back in the order of the scene."""
+
+import math
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from taichi_sand.scene.packing import Pack
+from taichi_sand.world import flags
+from taichi_sand.world.grid import allocate_grid
+from taichi_sand.world.pairs import LEAST_SKIN, LEAST_SLACK, MOST_REACH
+from taichi_sand.world.tables import (
+    LANES,
+    PAIRS_PER_GRAIN,
+    STRIPS,
+    WALL_PAIRS_PER_GRAIN,
+    World,
+    allocate_blocks,
+    allocate_grains,
+    allocate_pairs,
+    box_type,
+    pace_type,
+    round_up,
+)
+from taichi_sand.world.walls import build_walls, edge_parts, polyline_parts
+
+STRIPS_FROM = 30_000
+"""Grains from which a sweep pays for being cut into strips: handing out a parallel loop costs as much as some thousand pairs."""
+CELLS_PER_GRAIN = 4
+SITES_PER_GRAIN = 4
+SIDES = ("left", "right", "bottom", "top")
+
+
+def lay_lattice(size: tuple[float, float], diameter: float, count: int) -> tuple[tuple[float, float], tuple[int, int]]:
+    """Spacing [m] and number of lattice sites: about two grains wide, fewer in a large box."""
+    width = max(2 * diameter, math.sqrt(size[0] * size[1] / (SITES_PER_GRAIN * count + 65536)))
+    sites = tuple(max(1, math.floor(side / width)) for side in size)
+    return tuple(side / n for side, n in zip(size, sites, strict=True)), sites
+
+
+def check_periodic(scene: Any, largest: float, periodic: tuple[bool, bool]) -> None:
+    """SandError if a periodic axis is too short for a grain not to meet another one twice."""
+    for k, axis in enumerate("xy"):
+        if periodic[k] and scene.size[k] < 4 * largest * (1 + LEAST_SKIN + LEAST_SLACK):
+            raise scene.error("size", f"a box periodic along {axis} must be at least 5 of its largest grains long")
+
+
+def make_world(scene: Any, pack: Pack, extra: int, keep_force: bool, turns: bool, gpu: bool) -> World:
+    """World of `scene` with the grains of `pack`; `extra` columns of the pair table follow a pair, the force too if `keep_force`.
+
+    Raises:
+        SandError: the scene cannot be laid out.
+    """
+    real = ti.f64 if scene.solver.precision == 64 else ti.f32
+    count = len(pack.radius)
+    capacity = round_up(count + 1)
+    radius = pack.radius if count else np.array([0.01 * min(scene.size)])
+    largest, diameter = 2 * float(radius.max()), 2 * float(radius.mean())
+    edges = [getattr(scene.edges, side) for side in SIDES]
+    periodic = (edges[0] == "periodic", edges[2] == "periodic")
+    check_periodic(scene, largest, periodic)
+    spacing, sites = lay_lattice(scene.size, diameter, capacity)
+    parts = edge_parts(scene.size, [edge == "wall" for edge in edges])
+    for wall in scene.walls:
+        parts += polyline_parts(np.array(wall.points), wall.closed)
+    least_cell = largest * (1 + LEAST_SKIN + LEAST_SLACK)
+    cells = math.floor(scene.size[0] / least_cell + 1) * math.floor(scene.size[1] / least_cell + 1)
+    most_cells = CELLS_PER_GRAIN * capacity + 4096
+    if cells > most_cells:
+        least_cell *= 1.01 * math.sqrt(cells / most_cells)
+    layout = "cells" if gpu else "strips" if count >= STRIPS_FROM else "one"
+    room = round_up(min(cells, most_cells) + 1)
+    blocks = {"one": 1, "strips": STRIPS, "cells": room}[layout]
+    wall_half = WALL_PAIRS_PER_GRAIN * capacity
+    wall_base = PAIRS_PER_GRAIN * (capacity + LANES * min(blocks, STRIPS))
+    world = World(
+        grains=allocate_grains(real, capacity),
+        pairs=allocate_pairs(real, capacity, wall_base + wall_half, extra, keep_force),
+        blocks=allocate_blocks(blocks),
+        grid=allocate_grid(real, capacity, room),
+        walls=build_walls(parts, spacing, sites, largest / 2 + MOST_REACH * diameter, real),
+        pace=pace_type(real).field(shape=()),
+        flags=flags.allocate(),
+        count=ti.field(ti.i32, ()),
+        box=box_type(real).field(shape=()),
+        periodic=periodic,
+        open_edges=tuple(edge == "open" for edge in edges),
+        capacity=capacity,
+        half=wall_base + wall_half,
+        wall_base=wall_base,
+        wall_half=wall_half,
+        turns=turns,
+        layout=layout,
+        real=real,
+    )
+    world.box[None] = {
+        "size": scene.size,
+        "spacing": spacing,
+        "sites": sites,
+        "gravity": scene.gravity,
+        "diameter": diameter,
+        "largest": largest,
+        "least_cell": least_cell,
+    }
+    return world
+
+
+def fill(world: World, pack: Pack) -> None:
+    """Puts the grains of `pack` into slots 0, 1, …"""
+    count, g = len(pack.radius), world.grains
+    spacing = np.array(world.box[None].spacing.to_list())
+    site = np.floor(pack.position / spacing).astype(np.int32)
+    movable = ~pack.fixed
+    columns = {
+        "site": site,
+        "offset": pack.position - (site + 0.5) * spacing,
+        "velocity": pack.velocity * movable[:, None],
+        "angle": pack.angle,
+        "spin": pack.spin * movable,
+        "radius": pack.radius,
+        "inverse_mass": movable / pack.mass,
+        "inverse_inertia": movable / pack.inertia,
+        "id": np.arange(count, dtype=np.int32),
+        "kind": pack.kind,
+    }
+    for name, values in columns.items():
+        field = getattr(g, name)
+        whole = np.zeros((world.capacity, *values.shape[1:]), dtype=field.to_numpy().dtype)
+        whole[:count] = values
+        field.from_numpy(whole)
+    world.count[None] = count
+
+
+def read_grains(world: World) -> dict[str, np.ndarray]:
+    """Grains present, in the order in which the scene made them: position, velocity, angle, spin, radius, id, … (SI, f64)."""
+    g, count = world.grains, world.count[None]
+    spacing = np.array(world.box[None].spacing.to_list())
+    table = {name: getattr(g, name).to_numpy()[:count] for name in g._fields}
+    order = np.argsort(table["id"], kind="stable")
+    table = {name: values[order] for name, values in table.items()}
+    exact = {name: table[name].astype(np.float64) for name in ("site", "offset", "shift", "angle", "turn")}
+    table["position"] = (exact["site"] + 0.5) * spacing + exact["offset"] + exact["shift"]
+    table["angle"] = exact["angle"] + exact["turn"]
+    return table
+

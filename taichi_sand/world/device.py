@@ -1,0 +1,52 @@
+"""Starts Taichi, once for all simulations that share backend, threads and precision."""
+
+import gc
+import os
+import weakref
+from typing import Any
+
+os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+
+import taichi as ti
+
+from taichi_sand.scene.errors import SandError
+
+ARCHES = ("cpu", "cuda", "vulkan", "metal", "gpu")
+ROOM = 2_000_000
+"""Grains that may be laid out before Taichi is started afresh: it frees no field on its own."""
+
+alive: weakref.WeakSet = weakref.WeakSet()
+state: dict[str, Any] = {"key": None, "grains": 0}
+
+
+def start(user: Any, arch: str, threads: int | None, precision: int) -> None:
+    """Makes sure that Taichi runs on `arch` with `threads` CPU threads for numbers of `precision` bits, for the simulation `user`.
+
+    Raises:
+        SandError: the backend is not there, or another simulation with other settings is still in use.
+    """
+    if arch not in ARCHES:
+        raise SandError(f"--arch {arch}: must be one of {', '.join(ARCHES)}", "arch")
+    threads = threads or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else threads or os.cpu_count()
+    key = (arch, threads, precision)
+    gc.collect()
+    if state["key"] != key or (state["grains"] > ROOM and not alive):
+        if alive:
+            raise SandError(
+                f"a simulation on {state['key'][0]} with {state['key'][1]} threads and {state['key'][2]} bits is still in use; "
+                "Taichi runs one such setting at a time: delete that simulation first"
+            )
+        launch(arch, threads, precision)
+        state["key"], state["grains"] = key, 0
+    alive.add(user)
+
+
+def launch(arch: str, threads: int, precision: int) -> None:
+    """ti.init, with an error in words if the backend is not there."""
+    kind = getattr(ti, arch)
+    real = ti.f64 if precision == 64 else ti.f32
+    ti.init(arch=kind, cpu_max_num_threads=threads, default_fp=real, log_level=ti.ERROR, random_seed=0)
+    running = ti.lang.impl.current_cfg().arch
+    fell_back = running in (ti.x64, ti.arm64) and arch != "cpu"
+    if fell_back:
+        raise SandError(f"--arch {arch}: this machine has no such backend for Taichi; take --arch cpu", "arch")

@@ -1,0 +1,51 @@
+"""What went wrong on the device, counted there and told in sentences."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+NOT_FINITE, TOO_FAST, ESCAPED, PAIRS_FULL, WALL_PAIRS_FULL = range(5)
+NONE = 2**31 - 1
+
+SENTENCES = {
+    NOT_FINITE: "{count} times a grain's motion was no longer a number; first grain {grain} at {time:.4g} s: it was stopped. "
+    "Take a smaller step or a softer contact.",
+    TOO_FAST: "{count} times a grain was too fast to follow and was slowed to {cap:.3g} m/s; first grain {grain} at {time:.4g} s. "
+    "A smaller step or tolerance raises the cap.",
+    ESCAPED: "{count} times a grain was found outside a closed edge and put back; first grain {grain} at {time:.4g} s.",
+    PAIRS_FULL: "The pair table overflowed {count} times, first at {time:.4g} s: contacts were missed. "
+    "Grains overlap heavily or sizes differ too much.",
+    WALL_PAIRS_FULL: "The table of wall contacts overflowed {count} times, first at {time:.4g} s: contacts were missed. "
+    "Too many walls lie close together.",
+}
+
+
+def allocate() -> Any:
+    """Rows: kind of flag; columns: how often, least step, least grain id."""
+    flags = ti.field(ti.i32, shape=(len(SENTENCES), 3))
+    reset(flags)
+    return flags
+
+
+def reset(flags: Any) -> None:
+    """No flag raised."""
+    flags.from_numpy(np.array([[0, NONE, NONE]] * len(SENTENCES), dtype=np.int32))
+
+
+@ti.func
+def flag(w: ti.template(), kind: ti.template(), grain_id):
+    """Counts flag `kind`; keeps the first step and the least grain, so that the order of threads does not matter."""
+    ti.atomic_add(w.flags[kind, 0], 1)
+    ti.atomic_min(w.flags[kind, 1], w.pace[None].done)
+    ti.atomic_min(w.flags[kind, 2], grain_id)
+
+
+def sentences(flags: Any, step: float, cap: float) -> list[str]:
+    """One sentence for each kind of flag raised; `step` [s] turns steps into times, `cap` is the speed cap [m/s]."""
+    rows = flags.to_numpy()
+    return [
+        text.format(count=rows[kind, 0], grain=rows[kind, 2], time=rows[kind, 1] * step, cap=cap)
+        for kind, text in SENTENCES.items()
+        if rows[kind, 0]
+    ]

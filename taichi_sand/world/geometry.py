@@ -1,0 +1,63 @@
+"""Where things are: positions, the vector between the members of a pair, velocities at a contact."""
+
+import taichi as ti
+
+
+@ti.func
+def position(w: ti.template(), i):
+    """Centre of grain i [m]."""
+    return (w.grains.site[i] + 0.5) * w.box[None].spacing + w.grains.offset[i] + w.grains.shift[i]
+
+
+@ti.func
+def perp(a):
+    """a turned by +90 degrees."""
+    return ti.Vector([-a.y, a.x])
+
+
+@ti.func
+def point_velocity(velocity, spin, arm):
+    """Velocity of the point at `arm` from the centre: v + spin x arm (physics.md A6)."""
+    return velocity + spin * perp(arm)
+
+
+@ti.func
+def wall_row(w: ti.template(), p):
+    """Row of wall pair p in the wall-only columns."""
+    half = ti.cast(p >= w.half, ti.i32)
+    return p - half * w.half - w.wall_base + half * w.wall_half
+
+
+@ti.func
+def distance_to_second(w: ti.template(), p, i, wall: ti.template()):
+    """Distance [m] from the centre of grain i, first of pair p, to the second: a centre, or the nearest point of a wall.
+
+    Returns the distance and the unit normal towards the second. A grain whose centre has crossed a wall gets a negative distance
+    and is still pushed back to its side. A wall that does not face the grain is far away.
+    """
+    pairs = ti.static(w.pairs)
+    g = ti.static(w.grains)
+    normal = ti.Vector([0.0, 0.0])
+    distance = 0.0
+    if ti.static(wall):
+        q = wall_row(w, p)
+        along, side, bounds = pairs.along[q], pairs.side[q], pairs.bounds[q]
+        rest = pairs.reach[p] - g.shift[i]
+        if side == 0.0:
+            distance = ti.sqrt(rest.dot(rest)) + 1e-30
+            normal = rest / distance
+            if rest.dot(along) > 0.0 or rest.dot(bounds) > 0.0:
+                distance = 1e30
+        else:
+            slid = along.dot(g.shift[i])
+            normal = -side * perp(along)
+            distance = rest.dot(normal)
+            if slid < bounds.x or slid > bounds.y:
+                distance = 1e30
+    else:
+        rest = pairs.reach[p] + (g.shift[pairs.second[p]] - g.shift[i])
+        square = rest.dot(rest) + 1e-30
+        inverse = 1.0 / ti.sqrt(square)
+        normal = rest * inverse
+        distance = square * inverse
+    return distance, normal

@@ -1,0 +1,301 @@
+"""The search: sorts the grains into cells and lists the pairs that may touch before the next search.
+
+A grain is foreseen to fly straight on; a pair is listed if on these paths it comes closer than the skin within the horizon. The list
+holds until the horizon is reached or a grain has left its foreseen path by half the skin. So grains that fall together cost no search.
+"""
+
+import taichi as ti
+
+from taichi_sand.world.flags import PAIRS_FULL, WALL_PAIRS_FULL, flag
+from taichi_sand.world.geometry import distance_to_second, wall_row
+from taichi_sand.world.grid import anchor, cell_of, lay_cells, outside, permute, recell, sort
+from taichi_sand.world.tables import FAR, LANES, PAIRS_PER_GRAIN, STRIPS, WALL_PAIRS_PER_GRAIN
+
+LEAST_SKIN, MOST_SKIN = 0.15, 0.5
+LEAST_SLACK, MOST_SLACK = 0.10, 2.0
+"""Skin, and how much two grains may approach one another within the horizon, in mean diameters."""
+STEPS_AHEAD = 8
+"""Steps the search tries to foresee; more cost larger cells."""
+MOST_REACH = 2 * MOST_SLACK + MOST_SKIN
+"""How far from its surface a grain may have to know of a wall, in mean diameters."""
+
+
+@ti.func
+def foresee(w: ti.template()):
+    """Chooses skin, horizon and cells from how much the velocities differ."""
+    box = w.box[None]
+    low, high = ti.Vector([1e30, 1e30]), ti.Vector([-1e30, -1e30])
+    ti.loop_config(serialize=True)
+    for i in range(w.count[None]):
+        anchor(w, i)
+        low = ti.min(low, w.grains.velocity[i])
+        high = ti.max(high, w.grains.velocity[i])
+    pace = w.pace[None]
+    approach = (high - low).norm() * pace.step
+    d = box.diameter
+    skin = ti.min(ti.max(approach, LEAST_SKIN * d), MOST_SKIN * d)
+    slack = ti.min(ti.max(STEPS_AHEAD * approach, LEAST_SLACK * d), MOST_SLACK * d)
+    pace.skin = skin
+    pace.horizon = slack / (approach + 1e-20) * pace.step
+    pace.since, pace.off_path, pace.spent = 0, 0.0, 0
+    pace.searches += 1
+    pace.impacts = 1
+    pace.half = 1 - pace.half
+    w.pace[None] = pace
+    lay_cells(w, box.largest + skin + slack)
+
+
+@ti.func
+def assign_cells(w: ti.template()):
+    """Cell of every grain; the one behind the last for those that left."""
+    ti.loop_config(serialize=True)
+    for i in range(w.count[None]):
+        gone = outside(w, i)
+        w.grid.cell[i] = w.grid.columns[None] * w.grid.rows[None] if gone else cell_of(w, i)
+
+
+@ti.func
+def cut_blocks(w: ti.template()):
+    """First and last grain of every block of the sweep."""
+    grid = ti.static(w.grid)
+    blocks = ti.static(w.blocks)
+    columns, rows = grid.columns[None], grid.rows[None]
+    if ti.static(w.layout == "one"):
+        blocks.grain_start[0], blocks.grain_end[0] = 0, w.count[None]
+    elif ti.static(w.layout == "strips"):
+        ti.loop_config(serialize=True)
+        for b in range(STRIPS):
+            start, end = b * columns // STRIPS, (b + 1) * columns // STRIPS
+            if columns < STRIPS:
+                start, end = ti.min(b, columns), ti.min(b + 1, columns)
+                if ti.static(w.periodic[0]):
+                    start, end = (0 if b == 0 else columns), columns
+            blocks.grain_start[b], blocks.grain_end[b] = grid.start[start * rows], grid.start[end * rows]
+    else:
+        for b in range(columns * rows):
+            blocks.grain_start[b], blocks.grain_end[b] = grid.start[b], grid.start[b + 1]
+
+
+@ti.func
+def list_block(w: ti.template(), b):
+    """Lists the pairs whose first grain belongs to block b, in the block's own part of the table."""
+    pairs = ti.static(w.pairs)
+    blocks = ti.static(w.blocks)
+    lanes = ti.static(1 if w.layout == "cells" else LANES)
+    half = w.pace[None].half
+    start = blocks.grain_start[b]
+    count = blocks.grain_end[b] - start
+    run = (count + lanes - 1) // lanes
+    top = half * w.half + PAIRS_PER_GRAIN * (start + (0 if ti.static(lanes == 1) else lanes * b))
+    last = top + PAIRS_PER_GRAIN * run * lanes
+    q = half * w.half + w.wall_base + WALL_PAIRS_PER_GRAIN * start
+    blocks.pair_start[b], blocks.wall_start[b] = top, q
+    last_q = q + WALL_PAIRS_PER_GRAIN * count
+    end = top
+    for lane in range(lanes):
+        p = top + lane
+        for k in range(lane * run, ti.min((lane + 1) * run, count)):
+            i = start + k
+            row = half * w.capacity + i
+            pairs.row_start[row], pairs.wall_row_start[row] = p, q
+            next_p = list_neighbours(w, i, p, last, lanes)
+            next_q = list_walls(w, i, q, last_q)
+            pairs.row_count[row], pairs.wall_row_count[row] = (next_p - p) // lanes, next_q - q
+            p, q = next_p, next_q
+        blocks.lane_end[b * lanes + lane] = p
+        end = ti.max(end, p - lane)
+    for lane in range(lanes):
+        clear_rows(w, blocks.lane_end[b * lanes + lane], end, lanes)
+    blocks.pair_end[b], blocks.wall_end[b] = end, q
+
+
+@ti.func
+def clear_rows(w: ti.template(), start, end, lanes: ti.template()):
+    """Rows that only fill up a lane: two of nothing, far apart."""
+    pairs = ti.static(w.pairs)
+    for k in range((end - start + lanes - 1) // lanes):
+        row = start + k * lanes
+        pairs.first[row], pairs.second[row] = w.capacity - 1, w.capacity - 1
+        pairs.reach[row] = ti.Vector([FAR, 0.0])
+        pairs.contact_distance[row], pairs.gap[row] = 0.0, FAR
+        pairs.mass[row], pairs.mass_t[row] = 0.0, 0.0
+        pairs.normal[row], pairs.force[row] = ti.Vector([1.0, 0.0]), ti.Vector([0.0, 0.0])
+        carry(w, row, -1)
+
+
+@ti.func
+def list_neighbours(w: ti.template(), i, p, last, lanes: ti.template()):
+    """Lists grain i with the grains behind it in its own cell and with those of the N, SE, E and NE cells. Returns the next row."""
+    grid = ti.static(w.grid)
+    columns, rows = grid.columns[None], grid.rows[None]
+    cell = grid.cell[i]
+    column, row = cell // rows, cell % rows
+    row_p = p
+    if ti.static(w.periodic[0] or w.periodic[1]):
+        row_p = list_range(w, i, i + 1, grid.start[cell + 1], row_p, last, lanes)
+        for k in ti.static(range(4)):
+            x = column + ti.static((0, 1, 1, 1)[k])
+            y = row + ti.static((1, -1, 0, 1)[k])
+            if ti.static(w.periodic[0]):
+                x = (x + columns) % columns
+            if ti.static(w.periodic[1]):
+                y = (y + rows) % rows
+            if x < columns and y >= 0 and y < rows:
+                other = x * rows + y
+                row_p = list_range(w, i, grid.start[other], grid.start[other + 1], row_p, last, lanes)
+    else:
+        above = ti.min(row + 1, rows - 1)
+        row_p = list_range(w, i, i + 1, grid.start[column * rows + above + 1], row_p, last, lanes)
+        if column + 1 < columns:
+            beside = (column + 1) * rows
+            row_p = list_range(w, i, grid.start[beside + ti.max(row - 1, 0)], grid.start[beside + above + 1], row_p, last, lanes)
+    return row_p
+
+
+@ti.func
+def list_range(w: ti.template(), i, start, end, p, last, lanes: ti.template()):
+    """Lists grain i with those of the grains start .. end-1 that it may meet."""
+    g = ti.static(w.grains)
+    pairs = ti.static(w.pairs)
+    box = w.box[None]
+    pace = w.pace[None]
+    row = p
+    for j in range(start, end):
+        hop = g.site[j] - g.site[i]
+        for k in ti.static(range(2)):
+            if ti.static(w.periodic[k]):
+                hop[k] -= box.sites[k] * ti.cast(ti.floor(ti.cast(hop[k], w.real) / box.sites[k] + 0.5), ti.i32)
+        reach = ti.cast(hop, w.real) * box.spacing + (g.offset[j] - g.offset[i])
+        motion = g.velocity[j] - g.velocity[i]
+        near = g.radius[i] + g.radius[j] + pace.skin
+        time = ti.min(ti.max(-reach.dot(motion) / (motion.dot(motion) + 1e-20), 0.0), pace.horizon)
+        closest = reach + motion * time
+        weight = g.inverse_mass[i] + g.inverse_mass[j]
+        if closest.dot(closest) < near * near and weight > 0.0:
+            if row >= last:
+                flag(w, PAIRS_FULL, g.id[i])
+            else:
+                pairs.first[row], pairs.second[row] = i, j
+                pairs.reach[row] = reach
+                pairs.contact_distance[row] = g.radius[i] + g.radius[j]
+                turning = g.inverse_inertia[i] * g.radius[i] ** 2 + g.inverse_inertia[j] * g.radius[j] ** 2
+                pairs.mass[row], pairs.mass_t[row] = 1.0 / weight, 1.0 / (weight + turning)
+                pairs.normal[row] = reach / (reach.norm() + 1e-30)
+                pairs.gap[row] = reach.norm() - pairs.contact_distance[row]
+                remember(w, row, i, j)
+                row += lanes
+    return row
+
+
+@ti.func
+def list_walls(w: ti.template(), i, q, last):
+    """Lists grain i with the parts of walls that it may meet. Returns the next row."""
+    g = ti.static(w.grains)
+    walls = ti.static(w.walls)
+    pace = w.pace[None]
+    near = g.radius[i] + pace.skin + g.velocity[i].norm() * pace.horizon
+    row = q
+    sites = w.box[None].sites
+    place = ti.min(ti.max(g.site[i], 0), sites - 1)
+    over = ti.cast(g.site[i] - place, w.real) * w.box[None].spacing + g.offset[i]
+    if g.inverse_mass[i] > 0.0:
+        site = place.x * sites.y + place.y
+        for e in range(walls.start[site], walls.start[site + 1]):
+            along, bounds, side = walls.along[e], walls.bounds[e], walls.side[e]
+            reach = walls.point[e] - over
+            beyond = 0.0
+            if side >= 0:
+                slid = -along.dot(reach)
+                reach += slid * along
+                bounds -= slid
+                beyond = ti.max(bounds.x, -bounds.y, 0.0)
+            if reach.dot(reach) + beyond * beyond < near * near or (side == 1 and along.cross(reach) > 0.0):
+                if row >= last:
+                    flag(w, WALL_PAIRS_FULL, g.id[i])
+                else:
+                    write_wall_row(w, row, i, walls.part[e], reach, along, bounds, side)
+                    row += 1
+    return row
+
+
+@ti.func
+def write_wall_row(w: ti.template(), row, i, part, reach, along, bounds, kind):
+    """One row of the pair table for grain i and a wall part."""
+    g = ti.static(w.grains)
+    pairs = ti.static(w.pairs)
+    pairs.first[row], pairs.second[row] = i, part
+    pairs.reach[row] = reach
+    pairs.contact_distance[row] = g.radius[i]
+    pairs.mass[row] = 1.0 / g.inverse_mass[i]
+    pairs.mass_t[row] = 1.0 / (g.inverse_mass[i] + g.inverse_inertia[i] * g.radius[i] ** 2)
+    k = wall_row(w, row)
+    pairs.along[k], pairs.bounds[k] = along, bounds
+    side = 0.0
+    if kind == 1:
+        side = 1.0
+    elif kind == 0:
+        side = -1.0 if along.cross(reach) > 0.0 else 1.0
+    pairs.side[k] = side
+    remember_wall(w, row, i, part, kind == 0)
+    distance, normal = distance_to_second(w, row, i, True)
+    pairs.normal[row], pairs.gap[row] = normal, distance - g.radius[i]
+
+
+@ti.func
+def remember(w: ti.template(), row, i, j):
+    """Gives the pair of i and j the memory it had before the search; none if it is new."""
+    if ti.static(len(w.pairs.memory) > 0):
+        lanes = ti.static(1 if w.layout == "cells" else LANES)
+        old = recall(w, w.pairs.row_start, w.pairs.row_count, w.grid.source[i], w.grid.source[j], lanes)
+        if old < 0:
+            old = recall(w, w.pairs.row_start, w.pairs.row_count, w.grid.source[j], w.grid.source[i], lanes)
+        carry(w, row, old)
+
+
+@ti.func
+def remember_wall(w: ti.template(), row, i, part, two_sided):
+    """The same for a pair with a wall; a grain also remembers on which side of a line it was."""
+    old = recall(w, w.pairs.wall_row_start, w.pairs.wall_row_count, w.grid.source[i], part, 1)
+    if old >= 0 and two_sided:
+        w.pairs.side[wall_row(w, row)] = w.pairs.side[wall_row(w, old)]
+    carry(w, row, old)
+
+
+@ti.func
+def recall(w: ti.template(), row_start: ti.template(), row_count: ti.template(), first, second, apart: ti.template()):
+    """Row of the search before that held (first, second), slots of that search; -1 if there is none."""
+    found = -1
+    slot = (1 - w.pace[None].half) * w.capacity + first
+    for k in range(row_count[slot]):
+        row = row_start[slot] + k * apart
+        if w.pairs.second[row] == second:
+            found = row
+    return found
+
+
+@ti.func
+def carry(w: ti.template(), row, old):
+    """Copies the memory of row `old` to `row`; zeros if old < 0."""
+    for column in ti.static(w.pairs.memory):
+        column[row] = column[old] if old >= 0 else ti.zero(column[row])
+
+
+@ti.func
+def search(w: ti.template()):
+    """The whole search, to be called at the top level of a kernel or, for the layout "one", inside a serial loop."""
+    present = w.count[None]
+    foresee(w)
+    assign_cells(w)
+    sort(w)
+    permute(w, present)
+    recell(w)
+    cut_blocks(w)
+    if ti.static(w.layout == "one"):
+        list_block(w, 0)
+    elif ti.static(w.layout == "strips"):
+        ti.loop_config(block_dim=1)
+        for b in range(STRIPS):
+            list_block(w, b)
+    else:
+        for b in range(w.grid.columns[None] * w.grid.rows[None]):
+            list_block(w, b)

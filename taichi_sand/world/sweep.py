@@ -1,0 +1,100 @@
+"""The sweep: a function applied to every pair, block by block, colour by colour, then one applied to every grain.
+
+Two blocks of one colour share no grain, so whatever a pair function does to its two grains it may do with plain writes, in a fixed
+order. A block is the whole world ("one": a serial loop at the speed of C), a strip of columns ("strips": 2 colours), or a cell
+("cells": 3 x 2 colours). The layout follows from the size of the world and the backend, never from the number of threads.
+"""
+
+import taichi as ti
+
+from taichi_sand.world.tables import STRIPS
+
+CELL_COLOURS = 6
+
+
+@ti.func
+def sweep_block(w: ti.template(), b, pair: ti.template(), s: ti.template(), c: ti.template()):
+    """pair(w, s, c, row, wall) on all pairs that belong to block b; of several functions one after the other."""
+    for one in ti.static(pair):
+        for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
+            one(w, s, c, p, False)
+        for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
+            one(w, s, c, p, True)
+
+
+@ti.func
+def grains_of_block(w: ti.template(), b, grain: ti.template(), s: ti.template(), c: ti.template()):
+    """grain(w, s, c, start, end) on the slots of block b."""
+    grain(w, s, c, w.blocks.grain_start[b], w.blocks.grain_end[b])
+
+
+@ti.func
+def nothing(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
+    """Grain function of a sweep that only looks at pairs."""
+
+
+@ti.func
+def going(w: ti.template()):
+    """Whether there is anything to do before the next search."""
+    return w.pace[None].spent == 0
+
+
+@ti.func
+def sweep(w: ti.template(), pair: ti.template(), grain: ti.template(), s: ti.template(), c: ti.template(), when: ti.template()):
+    """The functions pair = (f, …), f(w, s, c, row, wall), on all pairs, then grain(w, s, c, start, end) on all grains, where when(w) holds. To be called at the
+    top level of a kernel (its loops are then the parallel ones), or, for the layout "one", inside a serial loop.
+    """
+    if ti.static(w.layout == "one"):
+        if when(w):
+            sweep_block(w, 0, pair, s, c)
+            grains_of_block(w, 0, grain, s, c)
+    elif ti.static(w.layout == "strips"):
+        sweep_strips(w, pair, grain, s, c, when)
+    else:
+        sweep_cells(w, pair, s, c, when)
+        each_grain(w, grain, s, c)
+
+
+@ti.func
+def sweep_strips(
+    w: ti.template(), pair: ti.template(), grain: ti.template(), s: ti.template(), c: ti.template(), when: ti.template()
+):
+    """A strip's pairs reach into its own grains and the next strip's: after the even strips, an odd strip completes its own grains
+    and those of the even strip that follows it, so that the grain function needs no loop of its own.
+    """
+    ti.loop_config(block_dim=1)
+    for b in range(STRIPS // 2):
+        if when(w):
+            sweep_block(w, 2 * b, pair, s, c)
+    ti.loop_config(block_dim=1)
+    for b in range(STRIPS // 2):
+        if when(w):
+            sweep_block(w, 2 * b + 1, pair, s, c)
+            grains_of_block(w, 2 * b + 1, grain, s, c)
+            grains_of_block(w, (2 * b + 2) % STRIPS, grain, s, c)
+
+
+@ti.func
+def sweep_cells(w: ti.template(), pair: ti.template(), s: ti.template(), c: ti.template(), when: ti.template()):
+    """Six colours of cells; colours are dealt so that neither the E nor the N, NE, SE neighbours of two cells of one colour meet."""
+    for colour in ti.static(range(CELL_COLOURS)):
+        for b in range(w.grid.columns[None] * w.grid.rows[None]):
+            column, row = b // w.grid.rows[None], b % w.grid.rows[None]
+            if (column % 2) * 3 + row % 3 == colour and when(w):
+                sweep_block(w, b, pair, s, c)
+
+
+@ti.func
+def each_grain(w: ti.template(), grain: ti.template(), s: ti.template(), c: ti.template()):
+    """grain(w, s, c, start, end) on all grains, in the chunks that suit the layout."""
+    if ti.static(w.layout == "one"):
+        grains_of_block(w, 0, grain, s, c)
+    elif ti.static(w.layout == "strips"):
+        ti.loop_config(block_dim=1)
+        for b in range(STRIPS):
+            if going(w):
+                grains_of_block(w, b, grain, s, c)
+    else:
+        for i in range(w.count[None]):
+            if going(w):
+                grain(w, s, c, i, i + 1)

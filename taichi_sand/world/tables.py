@@ -1,0 +1,201 @@
+"""The state of a simulation: Taichi fields in a few tables, structure of arrays.
+
+Conventions, everywhere: +x right, +y up, angles counter-clockwise [rad], SI units with areal density (so that masses are kg and
+forces N), the normal of a pair points from its first to its second member, overlap > 0 (gap < 0) in contact.
+
+A position is kept in three parts, so that neither a large box nor a small step is lost to 32 bits: the lattice site (two integers),
+the offset from the centre of that site at the last search, and the shift since then:
+position = (site + 1/2) * spacing + offset + shift.
+The grains lie sorted by grid cell (column by column, upwards); `id` tells which grain of the scene a slot holds.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import taichi as ti
+
+STRIPS = 64
+"""Most strips of columns that one sweep is cut into, when it is cut into strips at all; even."""
+PAIRS_PER_GRAIN = 6
+"""Room in the pair table per grain: equal discs have 3 neighbours each (a pair is listed once), the rest is for the skin and small grains."""
+WALL_PAIRS_PER_GRAIN = 3
+LANES = 8
+"""A block's grains are dealt into this many runs, and its pairs are stored one of each run in turn: consecutive rows then share no
+grain, and a processor works on several at once instead of waiting for the last one's result (twice as fast, measured)."""
+FAR = 1e15
+
+
+class Grains(NamedTuple):
+    """One row a grain, shape (capacity,); 2-vectors unless said otherwise."""
+
+    site: Any  # lattice site at the last search, i32
+    offset: Any  # place within the site at the last search, from its centre [m]
+    shift: Any  # moved since the last search [m]
+    velocity: Any  # [m/s]
+    start_velocity: Any  # velocity at the last search: the search has foreseen a straight flight with it [m/s]
+    angle: Any  # at the last search [rad], scalar, in -pi..pi
+    turn: Any  # turned since the last search [rad], scalar
+    spin: Any  # [rad/s], scalar
+    radius: Any  # [m], scalar
+    inverse_mass: Any  # [1/kg], 0 = fixed, scalar
+    inverse_inertia: Any  # [1/(kg m2)], 0 = does not turn, scalar
+    load: Any  # contact force of this step (md), contact impulse to start the next step with (rigid) [N, N s]
+    torque: Any  # its moment [N m, N m s], scalar
+    id: Any  # index of the grain in the order in which the scene made them, i32 scalar
+    kind: Any  # which [[grains]] table made it, i32 scalar
+
+
+class Pairs(NamedTuple):
+    """One row a pair. Shape (2 * half,): one half is in use, the other keeps the pairs of the search before, so that memory can
+    follow a pair. Within a half, rows from `wall_base` on are pairs of a disc and a wall; wall-only columns have their own halves.
+    A row that is not needed holds the last slot twice, FAR apart.
+    """
+
+    first: Any  # slot of the first grain, i32
+    second: Any  # slot of the second grain; of a wall pair the number of the wall part, i32
+    reach: Any  # from the first centre to the second (to a point of the wall) at the last search [m], 2-vector
+    contact_distance: Any  # sum of the radii [m]
+    normal: Any  # unit 2-vector from first to second, of the last step in which the pair was looked at
+    gap: Any  # distance of the surfaces [m], < 0 in contact, of the same moment
+    mass: Any  # effective mass along the normal [kg]
+    mass_t: Any  # effective mass along the tangent, levers included [kg]
+    force: Any  # [N] of the last step: x the normal force, pushing > 0; y the tangential one on the second along (-n_y, n_x)
+    memory: tuple  # the columns, of the solver and the effects, that follow the pair from search to search
+    row_start: Any  # pairs whose first grain is in a slot: first row, the others follow LANES apart; shape (2 * capacity,), i32
+    row_count: Any  # and how many
+    wall_row_start: Any  # its pairs with walls, one after the other
+    wall_row_count: Any
+    along: Any  # wall pairs: direction of the wall; of a wall's end the first direction that leads off the wall
+    bounds: Any  # wall pairs: how far the foot point may slide along the wall; of an end the second direction that leads off
+    side: Any  # wall pairs: side of the wall the grain is on, +1 left of `along`, -1 right; 0 = an end of a wall
+
+
+class Blocks(NamedTuple):
+    """The blocks of the sweep: the rows that belong to each. Shape (blocks,)."""
+
+    grain_start: Any
+    grain_end: Any
+    pair_start: Any
+    pair_end: Any
+    wall_start: Any
+    wall_end: Any
+    lane_end: Any  # scratch, one a lane
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """All fields of one simulation, and the few structural numbers that kernels bake in."""
+
+    grains: Grains
+    pairs: Pairs
+    blocks: Blocks
+    grid: Any  # world.grid.Grid
+    walls: Any  # world.walls.Walls
+    pace: Any  # 0-D world.tables.Pace: what the search allows the march
+    flags: Any  # world.flags: what went wrong
+    count: Any  # 0-D i32: grains present, slots 0 .. count-1
+    box: Any  # 0-D struct of box_type: sizes, gravity
+    periodic: tuple[bool, bool]
+    open_edges: tuple[bool, bool, bool, bool]  # left, right, bottom, top
+    capacity: int  # grain slots; the last stays empty
+    half: int  # rows of one half of the pair table
+    wall_base: int  # row within a half where wall pairs begin
+    wall_half: int  # rows of one half of the wall-only columns
+    turns: bool  # whether anything can turn a grain
+    layout: str  # of the sweep: "one", "strips" or "cells"
+    real: Any  # ti.f32 or ti.f64
+
+
+def pace_type(real: Any) -> Any:
+    """Struct of what lets the march go on until the next search."""
+    return ti.types.struct(
+        skin=real,  # pairs closer than this on their foreseen paths are listed [m]
+        horizon=real,  # time for which the search has foreseen the paths [s]
+        since=ti.i32,  # steps since the search
+        off_path=real,  # largest squared distance of a grain from its foreseen path [m2]
+        spent=ti.i32,  # 1 = search before the next step
+        impacts=ti.i32,  # rigid: 1 = some pair may collide in this step
+        hit=ti.i32,  # rigid: 1 = some pair did, in the last round
+        done=ti.i32,  # steps since the start
+        half=ti.i32,  # which half of the pair table is in use, 0 or 1
+        searches=ti.i32,  # searches since the start
+        step=real,  # h [s]
+        speed_cap=real,  # [m/s]
+    )
+
+
+def box_type(real: Any) -> Any:
+    """Struct of the numbers that describe the box."""
+    pair = ti.types.vector(2, real)
+    return ti.types.struct(
+        size=pair,  # [m]
+        spacing=pair,  # distance of lattice sites [m]
+        sites=ti.types.vector(2, ti.i32),  # lattice sites in the box
+        gravity=pair,  # [m/s2]
+        diameter=real,  # mean diameter d of the grains [m]
+        largest=real,  # largest diameter [m]
+        least_cell=real,  # smallest width of a cell for which the grid has room [m]
+    )
+
+
+def round_up(count: int) -> int:
+    """Next power of two, at least 64: sizes are part of the key of the compile cache."""
+    return max(64, 1 << math.ceil(math.log2(max(count, 1))))
+
+
+def vectors(real: Any, rows: int) -> Any:
+    """A field of 2-vectors, x and y in arrays of their own."""
+    return ti.Vector.field(2, real, shape=rows, layout=ti.Layout.SOA)
+
+
+def allocate_grains(real: Any, rows: int) -> Grains:
+    """Empty grain table of `rows` rows."""
+    sites = ti.Vector.field(2, ti.i32, shape=rows, layout=ti.Layout.SOA)
+    pair_of = {"offset", "shift", "velocity", "start_velocity", "load"}
+    whole = {"id", "kind"}
+    columns = {"site": sites}
+    for name in Grains._fields:
+        if name in pair_of:
+            columns[name] = vectors(real, rows)
+        elif name != "site":
+            columns[name] = ti.field(ti.i32 if name in whole else real, shape=rows)
+    return Grains(**columns)
+
+
+def allocate_pairs(real: Any, capacity: int, half: int, extra: int, keep_force: bool) -> Pairs:
+    """Empty pair table of two halves for `capacity` grains, with `extra` further columns that follow a pair from search to search; the force is
+    one of them if `keep_force`.
+    """
+    wall_half = WALL_PAIRS_PER_GRAIN * capacity
+    rows = 2 * half
+    force = vectors(real, rows)
+    columns = tuple(ti.field(real, rows) for _ in range(extra))
+    return Pairs(
+        first=ti.field(ti.i32, rows),
+        second=ti.field(ti.i32, rows),
+        reach=vectors(real, rows),
+        contact_distance=ti.field(real, rows),
+        normal=vectors(real, rows),
+        gap=ti.field(real, rows),
+        mass=ti.field(real, rows),
+        mass_t=ti.field(real, rows),
+        force=force,
+        memory=((force,) if keep_force else ()) + columns,
+        **{name: ti.field(ti.i32, 2 * capacity) for name in ("row_start", "row_count", "wall_row_start", "wall_row_count")},
+        along=vectors(real, 2 * wall_half),
+        bounds=vectors(real, 2 * wall_half),
+        side=ti.field(real, 2 * wall_half),
+    )
+
+
+def allocate_blocks(count: int) -> Blocks:
+    """Empty table of `count` blocks."""
+    return Blocks(*(ti.field(ti.i32, count * (LANES if name == "lane_end" else 1)) for name in Blocks._fields))
+
+
+def fill_struct(struct: Any, values: dict[str, Any]) -> Any:
+    """A 0-D field of type `struct` with those of `values` that it has members for."""
+    field = struct.field(shape=())
+    field[None] = {key: value for key, value in values.items() if key in struct.members}
+    return field

@@ -1,0 +1,121 @@
+"""Walls: straight parts and the ends where a grain may meet a corner, listed for every lattice site they can be felt from.
+
+A polyline is cut into lines and ends. A grain meets a line only where its centre projects onto it, and an end only where it lies
+beyond every line that meets there: so no corner counts twice and a joint of two flush lines is not felt.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import taichi as ti
+
+FAR = 1e30
+EDGE_PARTS = 4
+
+
+class Walls(NamedTuple):
+    """Parts near each lattice site, in the coordinates of the site (its centre is the origin)."""
+
+    start: Any  # shape (sites + 1,): rows of the entries of site sx * sites_y + sy
+    part: Any  # number of the part, i32
+    point: Any  # a point of the line, or the end itself [m]
+    along: Any  # direction of the line; of an end the first direction that leads off
+    bounds: Any  # line: from where to where it runs, from `point` [m]; end: second direction that leads off
+    side: Any  # 1 = grains are always on its left (an edge of the box), 0 = a line with two sides, -1 = an end
+
+
+@dataclass
+class Part:
+    """One straight line or end, in box coordinates [m]."""
+
+    point: np.ndarray
+    along: np.ndarray
+    bounds: np.ndarray
+    side: int
+
+
+def edge_parts(size: tuple[float, float], walled: Sequence[bool]) -> list[Part]:
+    """The edges of the box that are walls, in the order left, right, bottom, top; `along` has the inside on its left."""
+    w, h = size
+    corners = [((0, 0), (0, -1)), ((w, 0), (0, 1)), ((0, 0), (1, 0)), ((0, h), (-1, 0))]
+    endless = np.array([-FAR, FAR])
+    return [
+        Part(np.array(point, float), np.array(along, float), endless, 1)
+        for (point, along), wall in zip(corners, walled, strict=True)
+        if wall
+    ]
+
+
+def polyline_parts(points: np.ndarray, closed: bool) -> list[Part]:
+    """Lines and ends of a polyline through `points` [m], shape (n, 2)."""
+    points = np.asarray(points, float)
+    if closed:
+        points = np.vstack([points, points[:1]])
+    steps = np.diff(points, axis=0)
+    lengths = np.hypot(*steps.T)
+    keep = lengths > 0
+    starts, lengths = points[:-1][keep], lengths[keep]
+    along = steps[keep] / lengths[:, None]
+    parts = [Part(s, a, np.array([0.0, n]), 0) for s, a, n in zip(starts, along, lengths, strict=True)]
+    count = len(along)
+    for k in range(count + (0 if closed else 1)):
+        before = along[k - 1] if (k > 0 or closed) else None
+        after = -along[k % count] if (k < count or closed) else None
+        ways = [way for way in (before, after) if way is not None]
+        parts.append(Part(starts[k] if k < count else points[-1], ways[0], ways[-1], -1))
+    return parts
+
+
+def near_sites(part: Part, spacing: np.ndarray, sites: tuple[int, int], reach: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Sites from which `part` can be felt: their x and y numbers, and the part's point as seen from each centre, (n, 2) [m].
+
+    For a line that is its foot point, or the point of its carrier nearest to the centre, so that it is small and exact.
+    """
+    ends = part.point[None] if part.side == -1 else part.point + np.clip(part.bounds, -1e6, 1e6)[:, None] * part.along
+    span = np.vstack([ends.min(0), ends.max(0)]) / spacing
+    pad = reach / spacing + 1
+    low = np.clip(np.floor(span[0] - pad), 0, np.array(sites) - 1).astype(int)
+    high = np.clip(np.floor(span[1] + pad), 0, np.array(sites) - 1).astype(int)
+    x, y = (a.ravel() for a in np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(low, high, strict=True)), indexing="ij"))
+    centre = np.stack([x + 0.5, y + 0.5], axis=1) * spacing
+    gone = np.zeros(len(x)) if part.side == -1 else (centre - part.point) @ part.along
+    nearest = part.point + np.clip(gone, *part.bounds)[:, None] * part.along if part.side != -1 else part.point
+    distance = np.hypot(*(nearest - centre).T)
+    felt = distance <= reach + 0.5 * np.hypot(*spacing)
+    carrier = part.point + gone[:, None] * part.along - centre
+    return np.stack([x, y], 1)[felt], carrier[felt], gone[felt]
+
+
+def build_walls(parts: list[Part], spacing: tuple[float, float], sites: tuple[int, int], reach: float, real: Any) -> Walls:
+    """Wall table; `reach` [m] is the largest distance from a centre at which a search may want to know of a wall."""
+    numpy_real = np.float64 if real == ti.f64 else np.float32
+    columns: list[list[np.ndarray]] = [[] for _ in range(6)]
+    step = np.array(spacing)
+    for number, part in enumerate(parts):
+        site, seen, gone = near_sites(part, step, sites, reach)
+        rows = len(site)
+        bounds = np.tile(part.bounds, (rows, 1)) - (gone[:, None] if part.side != -1 else 0.0)
+        whole = [site[:, 0] * sites[1] + site[:, 1], np.full(rows, number), np.full(rows, part.side)]
+        for column, values in zip(columns, [*whole, seen, np.tile(part.along, (rows, 1)), bounds], strict=True):
+            column.append(values)
+    site, number, side, seen, along, bounds = (np.concatenate(c) if c else np.zeros(0) for c in columns)
+    order = np.argsort(site, kind="stable")
+    start = np.searchsorted(site[order], np.arange(sites[0] * sites[1] + 1))
+    rows = max(1, len(order))
+    table = Walls(
+        start=ti.field(ti.i32, len(start)),
+        part=ti.field(ti.i32, rows),
+        point=ti.Vector.field(2, real, rows),
+        along=ti.Vector.field(2, real, rows),
+        bounds=ti.Vector.field(2, real, rows),
+        side=ti.field(ti.i32, rows),
+    )
+    table.start.from_numpy(start.astype(np.int32))
+    if len(order):
+        for field, values in ((table.part, number), (table.side, side)):
+            field.from_numpy(values[order].astype(np.int32))
+        for field, values in ((table.point, seen), (table.along, along), (table.bounds, bounds)):
+            field.from_numpy(values[order].astype(numpy_real))
+    return table

@@ -1,0 +1,180 @@
+"""What must not change: momentum (physics.md A15), the energy of an elastic gas (A16), and physics under a change of frame (A19)."""
+
+import math
+
+import numpy as np
+import pytest
+from helpers import OPEN, PERIODIC, D, Disc, G, K, M, R, kinetic, simulate
+
+T_C = math.pi * math.sqrt(M / 2 / K)
+MD = {"kind": "md", "k_r": K, "restitution": 0.8, "step": T_C / 20}
+HERTZ = {"kind": "md", "law": "hertz", "k_r": K / math.sqrt(7e-5), "restitution": 0.8, "step": T_C / 20}
+RIGID = {"kind": "rigid", "restitution": 0.8, "step": 1e-4}
+SOLVERS = {"linear": MD, "hertz": HERTZ, "rigid": RIGID}
+
+
+def implosion(count: int, seed: int = 1) -> list[Disc]:
+    """Discs of random sizes on a jittered lattice in the middle of a box of 2 m, flying at its centre and spinning."""
+    random = np.random.default_rng(seed)
+    side = math.ceil(math.sqrt(count))
+    discs = []
+    for k in range(count):
+        place = (np.array([k % side, k // side]) - (side - 1) / 2) * 1.6 * D + random.uniform(-0.1, 0.1, 2) * D
+        velocity = -4 * place + random.uniform(-0.3, 0.3, 2)
+        discs.append(Disc(*(place + 1.0), *velocity, spin=random.uniform(-80, 80), radius=R * random.uniform(0.8, 1.2)))
+    return discs
+
+
+def momenta(sim, discs: list[Disc]) -> tuple[np.ndarray, float]:
+    """Momentum, and angular momentum about the origin of the box, from the state alone."""
+    mass = np.array([disc.mass for disc in discs])
+    inertia = mass * np.array([disc.radius for disc in discs]) ** 2 / 2
+    x, v = sim.positions, sim.velocities
+    return mass @ v, float(mass @ (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0]) + inertia @ sim.spins)
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+@pytest.mark.parametrize("count", [2, 200])
+@pytest.mark.parametrize("precision, linear, angular", [(64, 1e-13, 1e-12), (32, 1e-5, 1e-4)])
+def test_momentum(name: str, count: int, precision: int, linear: float, angular: float) -> None:
+    """A15: oblique frictional discs, no walls, 1e4 steps: |dP| / sum|p| and |dL| / sum|l| (about the centre of the box)."""
+    discs = implosion(count)
+    if count == 2:
+        discs = [Disc(1.0 - 1.2 * R, 1.0, 0.5, 0.2, spin=60.0), Disc(1.0 + 1.2 * R, 1.0 + 0.5 * R, -0.5, 0.1)]
+    sim = simulate(discs, (2.0, 2.0), {**SOLVERS[name], "precision": precision}, edges=OPEN, mu=0.4)
+    mass = np.array([disc.mass for disc in discs])
+    speeds = np.hypot(*sim.velocities.T)
+    arms = np.hypot(*(sim.positions - 1.0).T)
+    before, turn_before = momenta(sim, discs)
+    turn_before -= before[1] - before[0]
+    start = sim.velocities.copy()
+    sim.advance_steps(10_000 if name != "rigid" else 2_000)
+    assert abs(sim.velocities - start).max() > 0.1 and sim.lost == 0 and sim.flags() == []
+    after, turn_after = momenta(sim, discs)
+    turn_after -= after[1] - after[0]
+    inertia = mass * np.array([disc.radius for disc in discs]) ** 2 / 2
+    scale = mass @ (speeds * np.maximum(arms, R)) + inertia @ np.abs([disc.spin for disc in discs])
+    assert np.hypot(*(after - before)) / (mass @ speeds) < linear
+    assert abs(turn_after - turn_before) / scale < angular
+
+
+def gas(seed: int = 3) -> tuple[list[Disc], float]:
+    """400 discs at area fraction 0.2, speeds of 1 m/s in random directions; and the side of their box."""
+    random = np.random.default_rng(seed)
+    side = math.sqrt(400 * math.pi * R**2 / 0.2)
+    pitch = side / 20
+    discs = []
+    for k in range(400):
+        place = (np.array([k % 20, k // 20]) + 0.5) * pitch + random.uniform(-0.2, 0.2, 2) * pitch
+        angle = random.uniform(0, 2 * math.pi)
+        discs.append(Disc(*place, math.cos(angle), math.sin(angle)))
+    return discs, side
+
+
+COLLISIONS = math.sqrt(math.pi) * D / (8 * 0.2 * 1.43 * math.sqrt(0.5))
+"""Mean time between two collisions of a disc of this gas (Enskog, 2D, speed 1 m/s) [s]; 1000 of them: A16's time."""
+
+
+@pytest.mark.parametrize("edges", ["wall", "periodic"])
+def test_rigid_gas(edges: str) -> None:
+    """A16: 400 discs, phi 0.2, e = 1, no friction, 1000 collisions a disc: |dE| / E < 1e-4 in f32."""
+    discs, side = gas()
+    solver = {"kind": "rigid", "restitution": 1.0, "step": 2e-4, "precision": 32}
+    sim = simulate(discs, (side, side), solver, edges=PERIODIC if edges == "periodic" else {})
+    before = kinetic(sim, discs)
+    sim.advance(1000 * COLLISIONS)
+    assert kinetic(sim, discs) == pytest.approx(before, rel=1e-4)
+    assert sim.flags() == []
+
+
+@pytest.mark.parametrize("law", ["linear", "hertz"])
+def test_md_gas(law: str) -> None:
+    """A16: the energy of the soft gas, springs included, stays within 1e-3 without trend at h = t_c / 20 (a softer K: 1e5 steps)."""
+    discs, side = gas()
+    k = K / 400
+    t_c = math.pi * math.sqrt(M / 2 / k)
+    k_r = k if law == "linear" else k / math.sqrt(1.4e-3)
+    solver = {"kind": "md", "law": law, "k_r": k_r, "restitution": 1.0, "step": t_c / 20}
+    sim = simulate(discs, (side, side), solver, edges=PERIODIC)
+    beta = 1.0 if law == "linear" else 1.5
+    energies = []
+    for _ in range(12):
+        energies.append(kinetic(sim, discs) + springs(sim, side, k_r, beta))
+        sim.advance(1000 * COLLISIONS / 12)
+    energies = np.array(energies) / energies[0] - 1
+    assert abs(energies).max() < 1e-3
+    trend = np.polyfit(np.arange(12), energies, 1)[0] * 12
+    assert abs(trend) < 5e-4
+
+
+def springs(sim, side: float, k_r: float, beta: float) -> float:
+    """Energy in the contacts of equal discs in a periodic box [J], from the places alone."""
+    x = sim.positions
+    way = x[:, None] - x[None]
+    way -= side * np.round(way / side)
+    overlap = np.maximum(D - np.hypot(way[..., 0], way[..., 1]), 0.0)[np.triu_indices(len(x), 1)]
+    return float((k_r * overlap ** (beta + 1) / (beta + 1)).sum())
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_friction_never_adds_energy(name: str) -> None:
+    """A16: with friction and e = 1 the energy (kinetic and of the springs, here: in free flight) never rises."""
+    discs, side = gas()
+    solver = {**SOLVERS[name], "restitution": 1.0}
+    sim = simulate(discs, (side, side), solver, mu=0.3)
+    last = kinetic(sim, discs)
+    start = last
+    for _ in range(20):
+        sim.advance(0.02)
+        now = kinetic(sim, discs)
+        assert now <= last * (1 + 1e-3)
+        last = now
+    assert last < 0.95 * start
+
+
+def frames() -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Changes of frame: a matrix, where the experiment stands, and a velocity added to it."""
+    c, s = math.cos(math.radians(37)), math.sin(math.radians(37))
+    return {
+        "plain": (np.eye(2), np.array([0.1, 0.1]), np.zeros(2)),
+        "rotated": (np.array([[c, -s], [s, c]]), np.array([0.3, 0.1]), np.zeros(2)),
+        "mirrored": (np.diag([-1.0, 1.0]), np.array([0.5, 0.1]), np.zeros(2)),
+        "boosted": (np.eye(2), np.array([0.1, 0.3]), np.array([10.0, 0.0])),
+        "translated": (np.eye(2), np.array([0.1 + 1000 * D, 0.1]), np.zeros(2)),
+    }
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+@pytest.mark.parametrize("precision, within", [(64, 1e-10), (32, 1e-4)])
+def test_invariance(name: str, precision: int, within: float) -> None:
+    """A19: one oblique frictional collision of two discs, seen from five frames, all in one box: relative to the speed, and spins times R."""
+    places = np.array([[-1.1 * R, -0.3 * R], [1.1 * R, 0.3 * R]])
+    velocities = np.array([[0.5, 0.3], [-0.5, 0.1]])
+    spins = np.array([40.0, -10.0])
+    discs = []
+    for matrix, middle, boost in frames().values():
+        handed = np.linalg.det(matrix)
+        for x, v, spin in zip(places, velocities, spins, strict=True):
+            discs.append(Disc(*(middle + matrix @ x), *(matrix @ v + boost), spin=handed * spin))
+    sim = simulate(discs, (10.5, 0.5), {**SOLVERS[name], "precision": precision}, mu=0.3, edges=OPEN)
+    sim.advance(4e-3)
+    plain = None
+    for row, (frame, (matrix, _, boost)) in enumerate(frames().items()):
+        pair = slice(2 * row, 2 * row + 2)
+        back = (sim.velocities[pair] - boost) @ matrix
+        turn = np.linalg.det(matrix) * sim.spins[pair] * R
+        state = np.hstack([back, turn[:, None]])
+        if plain is None:
+            plain = state
+            assert abs(back - velocities).max() > 0.1
+        assert abs(state - plain).max() < within * (10 if precision == 32 and frame == "boosted" else 1), frame
+
+
+def test_galilean_pile_at_rest() -> None:
+    """A19 with gravity: a bouncing disc in a box that is 1e3 d away bounces as here, f64, to 1e-10."""
+    heights = []
+    for x in (0.05, 0.05 + 1000 * D):
+        sim = simulate([Disc(x, 0.05)], (10.2, 0.1), {**MD, "step": T_C / 20}, gravity=(0, -G))
+        sim.advance(0.15)
+        heights.append(sim.positions[0, 1])
+    assert heights[0] == pytest.approx(heights[1], abs=1e-10 * D)
