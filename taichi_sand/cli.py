@@ -33,7 +33,8 @@ app = typer.Typer(
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="Path of a scene file, or name of a bundled scene.")]
 Seconds = Annotated[float | None, typer.Option("--seconds", help="Simulated seconds; else the scene's duration.")]
 Overrides = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any scene key by dotted path, such as solver.kind=md; repeatable.")
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Any scene key by dotted path, such as solver.kind=md; repeatable."),
 ]
 Arch = Annotated[Literal["cpu", "cuda", "vulkan", "metal", "gpu"], typer.Option("--arch", help="Where kernels run.")]
 Threads = Annotated[int | None, typer.Option("--threads", min=1, help="CPU threads; results do not depend on it.")]
@@ -122,7 +123,8 @@ def run(
 def render(
     scene: SceneName,
     out: Annotated[
-        str, typer.Option("-o", "--out", metavar="OUT", help="Ends in .mp4, .gif, .png (last frame) or / (a folder of PNG frames).")
+        str,
+        typer.Option("-o", "--out", metavar="OUT", help="Ends in .mp4, .gif, .png (last frame) or / (a folder of PNG frames)."),
     ],
     seconds: Seconds = None,
     fps: Annotated[int | None, typer.Option("--fps", help="Frames in a simulated second.")] = None,
@@ -169,7 +171,7 @@ def _check_seconds(seconds: float | None) -> None:
 
 
 def check_writable(path: Path) -> None:
-    """Refuses an output file before the work that would fill it: its folder must exist, or be one that can be made, and be writable."""
+    """Refuses an output file before the work that would fill it, unless its folder is there, or can be made, and is writable."""
     if path.is_dir() and not os.access(path, os.W_OK):
         raise SandError(f"{path} cannot be written to")
     folder = path.absolute().parent

@@ -59,7 +59,8 @@ def print_report(title: str, report: dict[str, Any]) -> None:
         table.add_section()
     console = Console(highlight=False)
     effects = ", ".join(report["effects"]) or "none"
-    bits = f"{report['precision']} bit, {report['arch']}, {report['threads']} thread{'s' if report['threads'] != 1 else ''}"
+    threads = {None: "all threads", 1: "1 thread"}.get(report["threads"], f"{report['threads']} threads")
+    bits = f"{report['precision']} bit, {report['arch']}, {threads}"
     console.print(Text.assemble((title or "scene", "bold"), f"  {report['solver']} · effects: {effects} · {bits}"))
     console.print(table)
 

@@ -166,7 +166,7 @@ class Simulation:
     @property
     def velocities(self) -> np.ndarray:
         """[m/s], shape (n, 2)."""
-        return self._grains()["velocity"].astype(float)
+        return self._grains()["velocity"]
 
     @property
     def angles(self) -> np.ndarray:
@@ -176,7 +176,7 @@ class Simulation:
     @property
     def spins(self) -> np.ndarray:
         """Angular velocities [rad/s], shape (n,)."""
-        return self._grains()["spin"].astype(float)
+        return self._grains()["spin"]
 
     @property
     def radii(self) -> np.ndarray:

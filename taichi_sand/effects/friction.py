@@ -12,6 +12,7 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.scene.parameters import Parameter
+from taichi_sand.world.geometry import within
 
 PARAMETERS = (
     Parameter("mu", 0.5, "coefficient of friction: largest tangential force over the normal one", low=0.0, high=10.0),
@@ -49,11 +50,10 @@ class Friction:
         if ti.static(self.model == "spring"):
             k, resist = SPRING * stiffness, SPRING_DASHPOT * dashpot * slip
             trial = -k * (self.spring[p] + slip * c.step) - resist
-            force = ti.min(ti.max(trial, -bound), bound)
+            force = within(bound, trial)
             self.spring[p] = -(force + resist) / k
         elif ti.static(self.model == "viscous"):
-            slope = VISCOUS * ti.sqrt(stiffness * w.pairs.mass[p])
-            force = ti.min(ti.max(-slope * slip, -bound), bound)
+            force = within(bound, -VISCOUS * ti.sqrt(stiffness) * w.pairs.root_mass[p] * slip)
         else:
             force = -bound * ti.math.sign(slip)
         return force

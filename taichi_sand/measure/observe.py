@@ -7,7 +7,7 @@ ti.f64 where the backend has it.
 
 import taichi as ti
 
-from taichi_sand.world.geometry import distance_to_second, perp
+from taichi_sand.world.geometry import distance_to_second, perp, spin, velocity
 
 MASS, PX, PY, SPIN, KINETIC, POTENTIAL, SPEED2, HEIGHT, LOWEST, MOVING = range(10)
 """Columns of the sums over grains."""
@@ -20,6 +20,8 @@ PAIR_COLUMNS = 8
 SPACING, UP, GRAVITY = 0, 2, 4
 """Where the frame array keeps (x, y) of the lattice spacing [m], of the upward unit vector, of gravity [m/s2]."""
 
+FAR_APART = 1e12
+"""Rows that hold no pair are farther apart than this [m]."""
 FLOOR_SLOPE = 0.17
 """A wall is a floor where its normal into the bed rises by more than this, sin 10 degrees."""
 POINTS = 24
@@ -58,9 +60,9 @@ def sum_grains(w: ti.template(), frame: ti.types.ndarray(), sums: ti.types.ndarr
             x = place(w, frame, i, real)
             height = x.x * frame[UP] + x.y * frame[UP + 1]
             lowest = ti.min(lowest, height - g.radius[i])
-            if g.inverse_mass[i] > 0.0:
-                v = ti.cast(g.velocity[i], real)
-                m = ti.cast(1.0, real) / g.inverse_mass[i]
+            if g.mobility[i].x > 0.0:
+                v = ti.cast(velocity(w, i), real)
+                m = ti.cast(1.0, real) / g.mobility[i].x
                 fastest = ti.max(fastest, v.dot(v))
                 total[MASS] += m
                 total[PX] += m * v.x
@@ -70,10 +72,11 @@ def sum_grains(w: ti.template(), frame: ti.types.ndarray(), sums: ti.types.ndarr
                 total[POTENTIAL] -= m * (x.x * frame[GRAVITY] + x.y * frame[GRAVITY + 1])
                 total[HEIGHT] += m * height
                 total[8] += 1.0
-                if g.inverse_inertia[i] > 0.0:
-                    inertia = ti.cast(1.0, real) / g.inverse_inertia[i]
-                    total[SPIN] += inertia * g.spin[i]
-                    total[KINETIC] += 0.5 * inertia * ti.cast(g.spin[i], real) ** 2
+                if g.mobility[i].z > 0.0:
+                    inertia = ti.cast(1.0, real) / g.mobility[i].z
+                    turning = ti.cast(spin(w, i), real)
+                    total[SPIN] += inertia * turning
+                    total[KINETIC] += 0.5 * inertia * turning * turning
         for column in ti.static(range(8)):
             sums[b, column] = total[column]
         sums[b, SPEED2] = fastest
@@ -97,7 +100,7 @@ def observe(
     force = ti.cast(w.pairs.force[p], real)
     overlap = ti.max(ti.cast(-gap, real), 0.0)
     overlaps[p - base] = overlap
-    total[LISTED] += 1.0
+    total[LISTED] += ti.cast(gap < FAR_APART, real)
     if overlap > 0.0:
         total[TOUCHING] += 1.0
         total[OVERLAP] += overlap
@@ -144,7 +147,7 @@ def count_bearing(w: ti.template(), least: ti.f32, bearing: ti.types.ndarray()):
 @ti.func
 def carries(w: ti.template(), i, bearing: ti.template()):
     """Whether grain i is part of the packing: no rattler, which has fewer than two bearing contacts; a fixed grain always is."""
-    return ti.cast(bearing[i] >= 2 or w.grains.inverse_mass[i] == 0.0, ti.i32)
+    return ti.cast(bearing[i] >= 2 or w.grains.mobility[i].x == 0.0, ti.i32)
 
 
 @ti.kernel
@@ -154,15 +157,15 @@ def count_ends(w: ti.template(), least: ti.f32, bearing: ti.types.ndarray(), end
         met = 0
         grains = 0
         for i in range(w.blocks.grain_start[b], w.blocks.grain_end[b]):
-            if bearing[i] >= 2 and w.grains.inverse_mass[i] > 0.0:
+            if bearing[i] >= 2 and w.grains.mobility[i].x > 0.0:
                 grains += 1
         for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
             i, j = w.pairs.first[p], w.pairs.second[p]
             if w.pairs.force[p].x > least and carries(w, i, bearing) == 1 and carries(w, j, bearing) == 1:
-                met += ti.cast(w.grains.inverse_mass[i] > 0.0, ti.i32) + ti.cast(w.grains.inverse_mass[j] > 0.0, ti.i32)
+                met += ti.cast(w.grains.mobility[i].x > 0.0, ti.i32) + ti.cast(w.grains.mobility[j].x > 0.0, ti.i32)
         for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
             i = w.pairs.first[p]
-            if w.pairs.force[p].x > least and bearing[i] >= 2 and w.grains.inverse_mass[i] > 0.0:
+            if w.pairs.force[p].x > least and bearing[i] >= 2 and w.grains.mobility[i].x > 0.0:
                 met += 1
         ends[b, 0] = met
         ends[b, 1] = grains

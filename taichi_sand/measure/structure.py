@@ -1,18 +1,18 @@
 """What can be said of each grain: motion, load, and the order of its neighbourhood. One row a slot, in slot order.
 
-Each measure fills the first `count` rows of a NumPy array (f32) that the caller keeps: nothing is allocated on the device, nothing
-copied on a CPU.
+Each measure fills the first `count` rows of a NumPy array (f32) that the caller keeps: nothing is allocated on the device, and
+nothing is copied on a CPU.
 """
 
 import numpy as np
 import taichi as ti
 
-from taichi_sand.world.geometry import position
+from taichi_sand.world.geometry import movable, position, spin, velocity
 from taichi_sand.world.tables import World
 
 NEAR = 1.3
-"""Neighbours, for psi6: centres closer than this many sums of the radii: between the first and the second ring of a square lattice
-(1 and 1.41), and of a hexagonal one (1 and 1.73)."""
+"""Neighbours, for psi6: centres closer than this many sums of the radii. It lies between the first and second ring of a square
+lattice (1 and 1.41) and of a hexagonal one (1 and 1.73)."""
 FEWEST_NEIGHBOURS = 3
 """With fewer neighbours than this psi6 is 0: |exp(6 i theta)| of a single one is 1 and says nothing."""
 
@@ -66,11 +66,20 @@ def order(world: World, out: np.ndarray) -> None:
     fill_order(world, places, cell, members, start, cells[0], cells[1], out)
 
 
+@ti.func
+def block_count(w: ti.template()):
+    """Blocks of the sweep that are in use: together they hold every pair once."""
+    count = w.blocks.pair_start.shape[0]
+    if ti.static(w.layout == "cells"):
+        count = w.grid.columns[None] * w.grid.rows[None]
+    return count
+
+
 @ti.kernel
 def fill_speed(w: ti.template(), out: Rows):
     ti.loop_config(serialize=True)
     for i in range(w.count[None]):
-        out[i] = ti.cast(w.grains.velocity[i].norm(), ti.f32)
+        out[i] = ti.cast(velocity(w, i).norm(), ti.f32)
 
 
 @ti.kernel
@@ -78,11 +87,11 @@ def fill_energy(w: ti.template(), out: Rows):
     ti.loop_config(serialize=True)
     for i in range(w.count[None]):
         energy = 0.0
-        if w.grains.inverse_mass[i] > 0.0:
-            energy += ti.cast(0.5 * w.grains.velocity[i].norm_sqr() / w.grains.inverse_mass[i], ti.f32)
+        if movable(w, i) > 0.0:
+            energy += ti.cast(0.5 * velocity(w, i).norm_sqr() / w.grains.mobility[i].x, ti.f32)
         if ti.static(w.turns):
-            if w.grains.inverse_inertia[i] > 0.0:
-                energy += ti.cast(0.5 * w.grains.spin[i] ** 2 / w.grains.inverse_inertia[i], ti.f32)
+            if w.grains.mobility[i].z > 0.0:
+                energy += ti.cast(0.5 * spin(w, i) ** 2 / w.grains.mobility[i].z, ti.f32)
         out[i] = energy
 
 
@@ -102,14 +111,13 @@ def fill_force(w: ti.template(), out: Rows):
     for i in range(w.count[None]):
         out[i] = 0.0
     ti.loop_config(serialize=True)
-    for i in range(w.count[None]):
-        row = w.pace[None].half * w.capacity + i
-        for p in range(w.pairs.row_start[row], w.pairs.row_end[row]):
+    for b in range(block_count(w)):
+        for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
             push = ti.cast(ti.max(w.pairs.force[p].x, 0.0), ti.f32)
-            out[i] = out[i] + push
+            out[w.pairs.first[p]] = out[w.pairs.first[p]] + push
             out[w.pairs.second[p]] = out[w.pairs.second[p]] + push
-        for p in range(w.pairs.wall_row_start[row], w.pairs.wall_row_end[row]):
-            out[i] = out[i] + ti.cast(ti.max(w.pairs.force[p].x, 0.0), ti.f32)
+        for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
+            out[w.pairs.first[p]] = out[w.pairs.first[p]] + ti.cast(ti.max(w.pairs.force[p].x, 0.0), ti.f32)
 
 
 @ti.kernel

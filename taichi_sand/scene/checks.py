@@ -1,5 +1,6 @@
 """What the keys of a scene file must hold to together; each check raises `Wrong`, which the schema turns into a SandError."""
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -51,7 +52,7 @@ def solver(table: "Solver") -> None:
     if table.k_d is None and abs(alpha - (beta - 1) / 2) > 1e-9:
         raise Wrong(
             "law",
-            f" = \"custom\" needs `k_d` with alpha = {alpha:g}, beta = {beta:g}: its restitution depends on the speed "
+            f' = "custom" needs `k_d` with alpha = {alpha:g}, beta = {beta:g}: its restitution depends on the speed '
             f"(only with alpha = (beta - 1)/2 = {(beta - 1) / 2:g} does it follow from `restitution`)",
         )
 
@@ -99,7 +100,7 @@ def _rows(table: "Grains") -> None:
 def wall(table: "Wall") -> None:
     """No segment without length: it would have no direction."""
     points = table.points + (table.points[:1] if table.closed else ())
-    for index, (start, end) in enumerate(zip(points, points[1:], strict=False)):
+    for index, (start, end) in enumerate(pairwise(points)):
         if start == end:
             after = (index + 1) % len(table.points)
             raise Wrong(f"points[{after}]", f" = {show(end)} is the same as the point before it")
@@ -112,7 +113,9 @@ def scene(table: "Scene") -> None:
     edges = table.edges
     for one, other in (("left", "right"), ("bottom", "top")):
         if (getattr(edges, one) == "periodic") != (getattr(edges, other) == "periodic"):
-            text = f' = "{getattr(edges, one)}" but edges.{other} = "{getattr(edges, other)}": periodic edges come in opposite pairs'
+            text = (
+                f' = "{getattr(edges, one)}" but edges.{other} = "{getattr(edges, other)}": periodic edges come in opposite pairs'
+            )
             raise Wrong(f"edges.{one}", text)
     for index, item in enumerate(table.grains):
         name = f"grains[{index}]"

@@ -51,9 +51,7 @@ def pack(scene: Scene) -> Pack:
     rows |= _random(scene, [index for index in range(len(scene.grains)) if index not in rows], taken, streams, darts)
     parts = [_pack_table(table, index, rows[index], streams[index]) for index, table in enumerate(scene.grains)]
     parts = parts or [_pack_table(Grains(radius=1, count=1), 0, np.empty((0, 7)), darts)]
-    count = sum(map(len, parts))
-    if count > MOST_GRAINS:
-        raise scene.error("grains", f"{count} grains are more than the {MOST_GRAINS} that a scene may have")
+    _check_number(scene, 0, sum(map(len, parts)))
     return Pack(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in Pack.__dataclass_fields__})
 
 
@@ -117,7 +115,8 @@ def _random(
         free = np.prod(box[2:] - box[:2]) * taken.free(sample, np.zeros(len(sample))).mean()
         used = sum(_shared(boxes[other][0], box) * np.pi * (radii[other] ** 2).sum() for other in radii)
         room = int(max(0, DENSEST * free - used) / disc) if 2 * low <= min(box[2:] - box[:2]) else 0
-        count = table.count or int(min(MOST_GRAINS, max(0, LOOSE * free - used) / disc))
+        count = table.count or int(max(0, LOOSE * free - used) / disc)
+        _check_number(scene, index, count)
         if not min(room, count) or count > 1.05 * room + 4:  # near the limit it is tried
             raise _too_many(scene, index, room)
         radii[index] = streams[index].uniform(low, high, count)
@@ -144,7 +143,10 @@ def _pattern(scene: Scene, index: int, taken: Taken, rng: np.random.Generator) -
     mean = (low + high) / 2
     pitch = 2 * high if table.pitch is None else table.pitch * 2 * mean
     edge = high + table.jitter * mean  # room that a grain needs around its place
-    places = _sites(_box(scene, table), edge, pitch, table.fill == "hexagonal")
+    box = _box(scene, table)
+    across, up = (box[2:] - box[:2]) / pitch
+    _check_number(scene, index, across if table.count else across * up)
+    places = _sites(box, edge, pitch, table.fill == "hexagonal")
     places = places[taken.free(places, np.full(len(places), edge))]
     if not len(places) or len(places) < (table.count or 0):
         raise _too_many(scene, index, len(places))
@@ -169,6 +171,11 @@ def _sites(box: np.ndarray, edge: float, pitch: float, hexagonal: bool) -> np.nd
         x = left + pitch * (np.arange(columns - (shifted and not wide)) + (0.5 if shifted else 0.0))
         lines.append(np.stack([x, np.full(len(x), box[1] + edge + row * rise)], axis=1))
     return np.concatenate(lines)
+
+
+def _check_number(scene: Scene, index: int, count: float) -> None:
+    if count > MOST_GRAINS:
+        raise scene.error(f"grains[{index}]", f"would make more than the {MOST_GRAINS} grains that a scene may have")
 
 
 def _too_many(scene: Scene, index: int, room: int) -> Exception:

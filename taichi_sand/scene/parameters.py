@@ -79,7 +79,8 @@ def check_table(where: str, table: Mapping[str, Any], parameters: Sequence[Param
     for name, value in table.items():
         if name not in known:
             raise SandError(
-                f"{where}.{name} is not a known key{suggest(name, known)} (allowed: {', '.join(known) or 'none'})", f"{key}.{name}"
+                f"{where}.{name} is not a known key{suggest(name, known)} (allowed: {', '.join(known) or 'none'})",
+                f"{key}.{name}",
             )
         wrong = known[name].wrong(value)
         if wrong:

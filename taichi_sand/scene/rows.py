@@ -32,11 +32,17 @@ def read_rows(path: Path) -> list[list[float]]:
     """
     lines = csv.reader(io.StringIO(read_text(path), newline=""))
     rows: list[list[float]] = []
+    length = 0  # columns, 0 = not known yet
     try:
         for line in lines:
             cells = [cell.strip() for cell in line]
-            if any(cells) and not _is_header(path, cells, lines.line_num, bool(rows)):
-                rows.append(_numbers(path, cells, lines.line_num, len(rows[0]) if rows else 0))
+            if not any(cells):
+                continue
+            if not length and not any(map(_is_number, cells)):
+                _check_header(path, cells, lines.line_num)
+            else:
+                rows.append(_numbers(path, cells, lines.line_num, length))
+            length = len(cells)
     except csv.Error as error:
         raise SandError(f"{path}: line {lines.line_num}: {error}") from None
     if not rows:
@@ -44,12 +50,19 @@ def read_rows(path: Path) -> list[list[float]]:
     return rows
 
 
-def _is_header(path: Path, cells: list[str], line: int, below: bool) -> bool:
-    if below or not any(cell.isidentifier() and cell not in ("nan", "inf") for cell in cells):
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
         return False
-    if tuple(cells) != COLUMNS[: len(cells)] or len(cells) not in LENGTHS:
-        raise SandError(f"{path}: line {line}: the columns are {show(cells)}, but must be x, y[, radius[, vx, vy[, angle[, spin]]]]")
     return True
+
+
+def _check_header(path: Path, cells: list[str], line: int) -> None:
+    if tuple(cells) != COLUMNS[: len(cells)] or len(cells) not in LENGTHS:
+        raise SandError(
+            f"{path}: line {line}: the columns are {show(cells)}, but must be x, y[, radius[, vx, vy[, angle[, spin]]]]"
+        )
 
 
 def _numbers(path: Path, cells: list[str], line: int, length: int) -> list[float]:
@@ -58,10 +71,7 @@ def _numbers(path: Path, cells: list[str], line: int, length: int) -> list[float
         raise SandError(f"{path}: line {line}: has {len(cells)} columns instead of {wanted} ({', '.join(COLUMNS)})")
     row = []
     for name, cell in zip(COLUMNS, cells, strict=False):
-        try:
-            value = float(cell)
-        except ValueError:
-            value = math.nan
+        value = float(cell) if _is_number(cell) else math.nan
         if not math.isfinite(value) or (name == "radius" and value <= 0):
             wanted = "a number greater than 0" if name == "radius" else "a finite number"
             raise SandError(f"{path}: line {line}: {name} = {show(cell)} must be {wanted}")

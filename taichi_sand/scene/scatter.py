@@ -113,7 +113,9 @@ def _push_apart(
     return False
 
 
-def _stuck(position: np.ndarray, radius: np.ndarray, count: int, pairs: tuple[np.ndarray, np.ndarray], taken: Taken) -> np.ndarray:
+def _stuck(
+    position: np.ndarray, radius: np.ndarray, count: int, pairs: tuple[np.ndarray, np.ndarray], taken: Taken
+) -> np.ndarray:
     """Which of the first `count` discs (count,) overlap the most, two dozen at most, and those that walls or taken discs hold."""
     stuck = ~taken.free(position[:count], 0.99 * radius[:count])
     depth = _overlap(position, radius, position, radius, *pairs)

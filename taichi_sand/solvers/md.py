@@ -12,7 +12,7 @@ import taichi as ti
 
 from taichi_sand.solvers.integrators import symplectic_euler
 from taichi_sand.solvers.tolerance import Bed, md_numbers
-from taichi_sand.world.geometry import distance_to_second, perp
+from taichi_sand.world.geometry import at_least, distance_to_second, perp, spin, velocity, wrench
 from taichi_sand.world.sweep import going, sweep
 from taichi_sand.world.tables import fill_struct
 
@@ -56,9 +56,9 @@ def elastic_stiffness(law: ti.template(), c: ti.template(), overlap):
 
 
 @ti.func
-def damping(law: ti.template(), c: ti.template(), mass, overlap):
+def damping(law: ti.template(), c: ti.template(), root_mass, overlap):
     """k_d ζ^α [N s/m]."""
-    coefficient = c.damping * (1.0 + c.weighted * (ti.sqrt(mass) - 1.0))
+    coefficient = c.damping * (1.0 + c.weighted * (root_mass - 1.0))
     if ti.static(law == "hertz"):
         coefficient *= ti.sqrt(ti.sqrt(overlap))
     elif ti.static(law == "custom"):
@@ -77,26 +77,23 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     overlap = pairs.contact_distance[p] - distance
     force = ti.Vector([0.0, 0.0])
     if overlap > 0.0:
-        velocity = -g.velocity[i] if ti.static(wall) else g.velocity[j] - g.velocity[i]
+        motion = -velocity(w, i) if ti.static(wall) else velocity(w, j) - velocity(w, i)
         stiffness = elastic_stiffness(s.law, c, overlap)
-        dashpot = damping(s.law, c, pairs.mass[p], overlap)
-        force.x = ti.max(stiffness * overlap - dashpot * velocity.dot(normal), 0.0)
+        dashpot = damping(s.law, c, pairs.root_mass[p], overlap)
+        force.x = at_least(0.0, stiffness * overlap - dashpot * motion.dot(normal))
+        arm_i = g.radius[i] - (overlap if ti.static(wall) else 0.5 * overlap)
+        arm_j = 0.0 if ti.static(wall) else g.radius[j] - 0.5 * overlap
         if ti.static(w.turns):
-            arm_i = g.radius[i] - (overlap if ti.static(wall) else 0.5 * overlap)
-            arm_j = 0.0 if ti.static(wall) else g.radius[j] - 0.5 * overlap
-            slip = velocity.dot(perp(normal)) - arm_i * g.spin[i]
+            slip = motion.dot(perp(normal)) - arm_i * spin(w, i)
             if ti.static(not wall):
-                slip -= arm_j * g.spin[j]
+                slip -= arm_j * spin(w, j)
             for effect in ti.static(s.effects):
                 if ti.static(hasattr(effect, "tangent")):
                     force.y += effect.tangent(w, c, p, force.x, slip, stiffness, dashpot)
-            g.torque[i] -= arm_i * force.y
-            if ti.static(not wall):
-                g.torque[j] -= arm_j * force.y
         push = force.x * normal + force.y * perp(normal)
-        g.load[i] -= push
+        g.wrench[i] -= wrench(push, arm_i * force.y)
         if ti.static(not wall):
-            g.load[j] += push
+            g.wrench[j] += wrench(push, -arm_j * force.y)
     else:
         for effect in ti.static(s.effects):
             if ti.static(hasattr(effect, "release")):

@@ -1,7 +1,7 @@
 """The caption over a picture: title, one line of facts, the range of the colours, and a scale bar.
 
-Text is drawn by Pillow onto small tiles 0xAARRGGBB that the painter lays over the canvas. A tile is kept as long as its text stays,
-so a new frame costs one short string: the time.
+Text is drawn by Pillow onto small tiles 0xAARRGGBB that one kernel lays over the canvas. A tile is kept while its text stays:
+a new frame costs one short string, the time.
 """
 
 import math
@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from taichi_sand.view import palette
 from taichi_sand.view.kernels import paint_tiles
-from taichi_sand.view.paint import REFERENCE_WIDTH, Legend
+from taichi_sand.view.paint import REFERENCE_WIDTH, WALL_WIDTH, Legend
 
 TITLE_SIZE, LINE_SIZE = 17, 12
 """Heights of the text [px] in a picture REFERENCE_WIDTH wide; they follow the width within LEAST .. MOST."""
@@ -83,7 +83,8 @@ def number_text(value: float) -> str:
     """Three digits, without an exponent where that can be read."""
     if value == 0 or 1e-3 <= abs(value) < 1e5:
         return f"{float(f'{value:.3g}'):.10g}"
-    return f"{value:.2e}"
+    digits, power = f"{value:.1e}".split("e")
+    return f"{digits}e{int(power)}"
 
 
 class Caption:
@@ -174,5 +175,6 @@ class Caption:
         left, right = min(x for x, _, _ in tiles) - soft, max(x + tile.shape[1] for x, _, tile in tiles) + soft
         bottom = max(y + tile.shape[0] for _, y, tile in tiles) + soft
         wide = SHADE_STEP * math.ceil((right - left) / SHADE_STEP)
-        start = left if left < self.width // 2 else right - wide
-        return [(start, 0, shade_tile(wide, bottom, soft)), *tiles]
+        edge = math.ceil(WALL_WIDTH * self.width / REFERENCE_WIDTH)
+        start = left if left < self.width // 2 else right - wide - edge
+        return [(max(start, edge), edge, shade_tile(wide, bottom, soft)), *tiles]

@@ -1,7 +1,7 @@
 """Films: MP4, looping GIF, the last frame as PNG, or a folder of PNG frames.
 
-Everything is written to a hidden folder beside the target and moved into place when it is complete: an interruption leaves what was
-there before.
+Everything is written to a hidden folder beside the target and moved into place when it is complete: an interruption leaves what
+was there before.
 """
 
 import os
@@ -28,12 +28,12 @@ Progress = Callable[[float], None]
 
 ENDINGS = (".mp4", ".gif", ".png")
 GIF_FPS, GIF_MOST_FPS = 25, 50
-"""Frames a second of a GIF unless told otherwise, and at most: its clock ticks in 1/100 s, and viewers slow down frames of one tick."""
+"""Frames a second of a GIF unless told otherwise, and at most: its clock ticks in 1/100 s, and viewers slow down faster ones."""
 ENCODER_THREADS = 2
 """A constant, because it is part of what the encoder writes."""
-X264 = ["-preset", "veryfast", "-crf", "20", "-threads", str(ENCODER_THREADS), "-movflags", "+faststart"]
-BT709 = ["-vf", "scale=out_color_matrix=bt709:out_range=tv", "-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"]
-LOSSLESS = ["-preset", "ultrafast", "-qp", "0", "-threads", str(ENCODER_THREADS)]
+X264 = f"-preset veryfast -crf 20 -threads {ENCODER_THREADS} -movflags +faststart".split()
+BT709 = "-vf scale=out_color_matrix=bt709:out_range=tv -colorspace bt709 -color_primaries bt709 -color_trc bt709".split()
+LOSSLESS = f"-preset ultrafast -qp 0 -threads {ENCODER_THREADS}".split()
 
 
 def film(

@@ -6,8 +6,9 @@ All lists are NumPy arrays of the painter: the painter needs no room on the devi
 
 import taichi as ti
 
+from taichi_sand.measure.structure import block_count
 from taichi_sand.view.shapes import disc, lighter, line, mix
-from taichi_sand.world.geometry import position
+from taichi_sand.world.geometry import movable, position
 
 BANDS = 16
 """Columns of the picture are painted in so many bands. A constant: a run-time range as short as this would run on one thread."""
@@ -59,7 +60,7 @@ def colour_by_kind(w: ti.template(), tones: Packed, fixed: ti.u32, colours: Pack
     """Colour of every grain from the tones of its kind; fixed grains have one of their own."""
     ti.loop_config(serialize=True)
     for i in range(w.count[None]):
-        colours[i] = grain_tone(w, i, tones) if w.grains.inverse_mass[i] > 0.0 else fixed
+        colours[i] = grain_tone(w, i, tones) if movable(w, i) > 0.0 else fixed
 
 
 @ti.kernel
@@ -69,7 +70,7 @@ def colour_by_value(w: ti.template(), values: Numbers, top: ti.f32, colour_map: 
     ti.loop_config(serialize=True)
     for i in range(w.count[None]):
         entry = ti.cast(values[i] / top * ti.cast(last, ti.f32) + 0.5, ti.i32)
-        colours[i] = colour_map[ti.min(last, ti.max(0, entry))] if w.grains.inverse_mass[i] > 0.0 else fixed
+        colours[i] = colour_map[ti.min(last, ti.max(0, entry))] if movable(w, i) > 0.0 else fixed
 
 
 @ti.kernel
@@ -79,7 +80,7 @@ def moving_values(w: ti.template(), values: Numbers, out: Numbers) -> ti.i32:
     ti.loop_config(serialize=True)
     for _ in range(1):
         for i in range(w.count[None]):
-            if w.grains.inverse_mass[i] > 0.0:
+            if movable(w, i) > 0.0:
                 out[found] = values[i]
                 found += 1
     return found
@@ -105,8 +106,8 @@ def list_disc(k, i, x, y, r, angle, width, height, discs: ti.template(), owner: 
 def place_discs(
     w: ti.template(), scale: ti.f32, width: ti.i32, height: ti.i32, discs: Rows, owner: Integers, bands: Spans
 ) -> ti.i32:
-    """Lists the discs that can be seen: x, y, radius, angle; which grain each shows; for each band of columns the first one and the
-    one after the last. A grain that reaches over a periodic edge is listed on both sides. Returns the number of discs.
+    """Lists the discs that can be seen: x, y, radius, angle; which grain each shows; for each band of columns the first one and
+    the one after the last. A grain that reaches over a periodic edge is listed on both sides. Returns the number of discs.
     """
     placed = 0
     ti.loop_config(serialize=True)
@@ -118,7 +119,7 @@ def place_discs(
             r = ti.cast(w.grains.radius[i], ti.f32) * scale * SHOWN_RADIUS
             angle = NO_SPOKE
             if ti.static(w.turns):
-                if w.grains.inverse_inertia[i] > 0.0:
+                if w.grains.mobility[i].z > 0.0:
                     angle = ti.cast(w.grains.angle[i] + w.grains.turn[i], ti.f32)
             for across in ti.static((-1, 0, 1) if w.periodic[0] else (0,)):
                 for up in ti.static((-1, 0, 1) if w.periodic[1] else (0,)):
@@ -129,7 +130,9 @@ def place_discs(
 
 
 @ti.kernel
-def paint_discs(canvas: Packed, width: ti.i32, height: ti.i32, discs: Rows, owner: Integers, bands: Spans, colours: Packed, spokes: ti.i32):
+def paint_discs(
+    canvas: Packed, width: ti.i32, height: ti.i32, discs: Rows, owner: Integers, bands: Spans, colours: Packed, spokes: ti.i32
+):
     """Paints the discs listed, those with an angle with a spoke, if `spokes` is 1."""
     ti.loop_config(block_dim=1)
     for s in range(BANDS):
@@ -164,12 +167,11 @@ def place_forces(w: ti.template(), scale: ti.f32, height: ti.i32, lines: Rows, f
     placed = 0
     ti.loop_config(serialize=True)
     for _ in range(1):
-        for i in range(w.count[None]):
-            row = w.pace[None].half * w.capacity + i
-            for p in range(w.pairs.row_start[row], w.pairs.row_end[row]):
+        for b in range(block_count(w)):
+            for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
                 if w.pairs.force[p].x > 0.0:
                     placed = list_force(w, p, scale, height, lines, forces, placed, False)
-            for p in range(w.pairs.wall_row_start[row], w.pairs.wall_row_end[row]):
+            for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
                 if w.pairs.force[p].x > 0.0:
                     placed = list_force(w, p, scale, height, lines, forces, placed, True)
     return placed

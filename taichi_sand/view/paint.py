@@ -87,7 +87,8 @@ class Painter:
         self._chain_map = palette.colour_map(palette.CHAIN)
         self._tones = sand_tones(kinds)
         self._dim = np.full(kernels.TONES, palette.packed(palette.CHAIN_GRAIN), np.uint32)
-        self._ranges: dict[str, Range] = {}
+        self._ranges = {name: Range(view.least) for name, view in VIEWS.items()}
+        self._chain_range = Range()
         self._allocate()
 
     def _allocate(self) -> None:
@@ -137,19 +138,15 @@ class Painter:
         top = view.full
         if top is None:
             found = kernels.moving_values(self.world, self._values, self._moving)
-            top = self._follow(self.color, quantile(self._moving[:found], PERCENTILE), time)
+            top = self._ranges[self.color].follow(quantile(self._moving[:found], PERCENTILE), time)
         kernels.colour_by_value(self.world, self._values, max(top, 1e-30), table, fixed, self._colours)
         self.legend = Legend(self.color, view.unit, top, table)
-
-    def _follow(self, name: str, value: float, time: float) -> float:
-        """Top of the range of a view, steadied in time."""
-        return self._ranges.setdefault(name, Range()).follow(value, time)
 
     def _paint_chains(self, canvas: np.ndarray, time: float) -> None:
         """Contacts as lines whose width and colour follow the normal force, the strong ones on top."""
         found = kernels.place_forces(self.world, self.scale, self.height, self._lines, self._forces)
         forces = self._forces[:found]
-        top = self._follow("chains", quantile(forces, CHAIN_PERCENTILE), time)
+        top = self._chain_range.follow(quantile(forces, CHAIN_PERCENTILE), time)
         strength = np.minimum(1.0, forces / max(top, 1e-30)) ** CHAIN_EXPONENT
         level = np.rint(strength * (palette.ENTRIES - 1)).astype(np.uint8)
         upwards = np.argsort(level, kind="stable")

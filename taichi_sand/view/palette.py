@@ -14,8 +14,9 @@ HOT = "#F2542D"
 CHAIN_GRAIN = "#343840"
 CHAIN = ("#5B3A1E", "#FF7A18", "#FFE9C4")
 
-# 17 even points of matplotlib's maps (inferno from 12 %); between them a straight line is at most 5/255 off.
-INFERNO = "1E0C45 360961 4D0D6C 64156E 7C1D6D 922568 A82E5F BD3853 D04545 E15635 EE6A24 F78212 FB9B06 FBB61A F7D13D F1EC6D FCFFA4"
+# 17 even points of matplotlib's maps; between them a straight line is at most 5/255 off. Inferno starts at 20 %: below, a grain
+# could not be told from the ground.
+INFERNO = "420A68 57106E 6A176E 7F1E6C 932667 A82E5F BC3754 CC4248 DD513A EA632A F37819 F98E09 FCA50A FBBE23 F6D746 F1EF75 FCFFA4"
 VIRIDIS = "440154 48186A 472D7B 424086 3B528B 33638D 2C728E 26828E 21918C 1FA088 28AE80 3FBC73 5EC962 84D44B ADDC30 D8E219 FDE725"
 # A periodic spline in OKLab through sand, orange, violet and blue: light faces dark, so that hue is not needed to read it.
 CYCLIC = "F4E3BE FFD69D FFBE76 FFA056 E9824C C8675B A5526F 854384 6E3F97 5E4BA8 5163B8 4883C6 4FA3D1 72C0D8 A1D6DA D0E3D2 F4E3BE"

@@ -1,5 +1,6 @@
 """The picture of a simulation, as its scene wants it: what `sim.image()` gives and a film is made of."""
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
@@ -49,7 +50,11 @@ def painter_of(sim: "Simulation") -> Painter:
 def facts(sim: "Simulation") -> list[str]:
     """What the caption says of this moment: time, grains, how it is computed."""
     grains, solver = sim.count, sim.scene.solver
-    return [f"t = {sim.time:.2f} s", f"{grains} grain{'' if grains == 1 else 's'}", f"{solver.kind}, tolerance {solver.tolerance:g} d"]
+    return [
+        f"t = {sim.time:.2f} s",
+        f"{grains} grain{'' if grains == 1 else 's'}",
+        f"{solver.kind}, tolerance {solver.tolerance:g} d",
+    ]
 
 
 def wall_lines(scene: Scene) -> np.ndarray:
@@ -57,5 +62,5 @@ def wall_lines(scene: Scene) -> np.ndarray:
     lines = []
     for wall in scene.walls:
         points = [*wall.points, wall.points[0]] if wall.closed else list(wall.points)
-        lines += [(*start, *end) for start, end in zip(points[:-1], points[1:], strict=True)]
+        lines += [(*start, *end) for start, end in pairwise(points)]
     return np.array(lines, float).reshape(-1, 4)

@@ -1,7 +1,7 @@
 """Anti-aliased shapes on a canvas of packed pixels.
 
-A canvas is a flat array of u32, 0x00RRGGBB, row by row, row 0 at the top: what `ti.GUI(fast_gui=True).img` holds, so a window can be
-painted without a copy. Every function paints only columns x0 <= x < x1: bands of columns can be painted side by side, and the
+A canvas is a flat array of u32, 0x00RRGGBB, row by row, row 0 at the top: what `ti.GUI(fast_gui=True).img` holds, so a window can
+be painted without a copy. Every function paints only columns x0 <= x < x1: bands of columns can be painted side by side, and the
 picture does not depend on how many threads do it. Lengths are in pixels; pixel (x, y) has its centre at (x + 1/2, y + 1/2).
 """
 
@@ -22,8 +22,8 @@ def mix(below, above, share):
 
 @ti.func
 def weight(share):
-    """0 .. 256 as `mix` wants it."""
-    return ti.cast(ti.cast(ti.max(share, 0.0), ti.i32), ti.u32)
+    """0 .. 256 as `mix` wants it, rounded."""
+    return ti.cast(ti.cast(ti.max(share, 0.0) + 0.5, ti.i32), ti.u32)
 
 
 @ti.func

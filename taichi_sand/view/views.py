@@ -1,11 +1,13 @@
 """The scalar views: what each shows of a grain, in which colours, over which range."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from taichi_sand.measure import structure
+from taichi_sand.scene.errors import suggest
 from taichi_sand.view import palette
 from taichi_sand.world.tables import World
 
@@ -22,11 +24,12 @@ class View:
     stops: str  # of the colour map; "" = from the cold to the hot colour of the scene
     unit: str
     full: float | None = None  # top of the range; None = percentile 99 of what is there
+    least: float = 0.0  # the top never falls below this part of the highest one so far: what rests is shown at rest
 
 
 VIEWS = {
-    "speed": View(structure.speed, palette.INFERNO, "m/s"),
-    "energy": View(structure.energy, "", "J"),
+    "speed": View(structure.speed, palette.INFERNO, "m/s", least=1e-2),
+    "energy": View(structure.energy, "", "J", least=1e-4),
     "force": View(structure.force, palette.INFERNO, "N"),
     "pressure": View(structure.pressure, palette.INFERNO, "N/m"),
     "rotation": View(structure.orientation, palette.CYCLIC, "turn", full=1.0),
@@ -38,26 +41,31 @@ KIND = "kind"
 def check_view(color: str) -> None:
     """Refuses a name that is no view, and says which there are."""
     if color != KIND and color not in VIEWS:
-        raise ValueError(f"there is no view '{color}'; there are {', '.join([KIND, *VIEWS])}")
+        names = [KIND, *VIEWS]
+        raise ValueError(f"there is no view '{color}'{suggest(color, names)}; there are {', '.join(names)}")
 
 
 def quantile(values: np.ndarray, share: float) -> float:
     """The smallest value that at least `share` of the values do not exceed; 0 of none."""
     if not len(values):
         return 0.0
-    rank = max(0, int(np.ceil(share * len(values))) - 1)
+    rank = max(0, math.ceil(share * len(values)) - 1)
     return float(np.partition(values, rank)[rank])
 
 
 class Range:
-    """Top of a range that rises at once and falls slowly, in simulated time."""
+    """Top of a range that rises at once and falls slowly, in simulated time, but not below `least` of the highest it has been."""
 
-    def __init__(self) -> None:
-        self.top = 0.0
+    def __init__(self, least: float = 0.0) -> None:
+        self.least = least
+        self.top = self.highest = 0.0
         self.time = float("-inf")
 
     def follow(self, value: float, time: float) -> float:
         """The top at `time` [s], where the data reach up to `value`. Going back in time forgets what was."""
-        kept = self.top * np.exp((self.time - time) / HOLD) if time >= self.time else 0.0
-        self.top, self.time = max(value, float(kept)), time
+        if time < self.time:
+            self.top, self.highest, self.time = 0.0, 0.0, time
+        kept = self.top * math.exp((self.time - time) / HOLD)
+        self.highest = max(value, self.highest)
+        self.top, self.time = max(value, kept, self.least * self.highest), time
         return self.top

@@ -115,12 +115,10 @@ def fill(world: World, pack: Pack) -> None:
     columns = {
         "site": site,
         "offset": pack.position - (site + 0.5) * spacing,
-        "velocity": pack.velocity * movable[:, None],
+        "twist": np.column_stack([pack.velocity, pack.spin, np.zeros(count)]) * movable[:, None],
         "angle": pack.angle,
-        "spin": pack.spin * movable,
         "radius": pack.radius,
-        "inverse_mass": movable / pack.mass,
-        "inverse_inertia": movable / pack.inertia,
+        "mobility": np.column_stack([1 / pack.mass, 1 / pack.mass, 1 / pack.inertia, np.zeros(count)]) * movable[:, None],
         "id": np.arange(count, dtype=np.int32),
         "kind": pack.kind,
     }
@@ -141,6 +139,8 @@ def read_grains(world: World) -> dict[str, np.ndarray]:
     table = {name: values[order] for name, values in table.items()}
     exact = {name: table[name].astype(np.float64) for name in ("site", "offset", "shift", "angle", "turn")}
     table["position"] = (exact["site"] + 0.5) * spacing + exact["offset"] + exact["shift"]
+    table["velocity"] = table["twist"][:, :2].astype(np.float64)
+    table["spin"] = table["twist"][:, 2].astype(np.float64)
     table["angle"] = exact["angle"] + exact["turn"]
     return table
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import taichi as ti
 
 from taichi_sand.world.flags import ESCAPED, flag
-from taichi_sand.world.geometry import position
+from taichi_sand.world.geometry import position, velocity
 
 
 class Grid(NamedTuple):
@@ -52,7 +52,7 @@ def anchor(w: ti.template(), i):
             site[k] = site[k] - box.sites[k] * ti.cast(ti.floor(ti.cast(site[k], w.real) / box.sites[k]), ti.i32)
     g.site[i] = site
     g.shift[i] = ti.Vector([0.0, 0.0])
-    g.start_velocity[i] = g.velocity[i]
+    g.start_velocity[i] = velocity(w, i)
     if ti.static(w.turns):
         angle = g.angle[i] + g.turn[i]
         g.angle[i] = angle - 2 * ti.math.pi * ti.floor(angle / (2 * ti.math.pi) + 0.5)
@@ -74,7 +74,7 @@ def outside(w: ti.template(), i):
                     left |= ti.cast(beyond > r, ti.i32)
                 elif beyond > 0.0:
                     g.offset[i][k] += (beyond + 0.5 * r) * (1 if ti.static(end == 0) else -1)
-                    g.velocity[i][k] = 0.0
+                    g.twist[i][k] = 0.0
                     g.start_velocity[i][k] = 0.0
                     flag(w, ESCAPED, g.id[i])
     return left
@@ -136,18 +136,16 @@ def sort(w: ti.template()):
 def permute(w: ti.template(), present):
     """Moves every column of the grain table into the new order."""
     g = ti.static(w.grains)
-    for column in ti.static((g.offset, g.velocity, g.start_velocity, g.load)):
-        for k in ti.static(range(2)):
+    for column in ti.static((g.offset, g.start_velocity, g.twist, g.mobility, g.wrench)):
+        for k in ti.static(range(column.n)):
             permute_one(w, present, column.get_scalar_field(k), w.grid.number)
     for k in ti.static(range(2)):
         permute_one(w, present, g.site.get_scalar_field(k), w.grid.whole)
-    for column in ti.static((g.radius, g.inverse_mass)):
-        permute_one(w, present, column, w.grid.number)
+    permute_one(w, present, g.radius, w.grid.number)
     for column in ti.static((g.id, g.kind)):
         permute_one(w, present, column, w.grid.whole)
     if ti.static(w.turns):
-        for column in ti.static((g.angle, g.spin, g.inverse_inertia, g.torque)):
-            permute_one(w, present, column, w.grid.number)
+        permute_one(w, present, g.angle, w.grid.number)
 
 
 @ti.func

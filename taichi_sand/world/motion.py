@@ -3,34 +3,29 @@
 import taichi as ti
 
 from taichi_sand.world.flags import NOT_FINITE, TOO_FAST, flag
-
-
-@ti.func
-def movable(w: ti.template(), i):
-    """1 if grain i can be accelerated, 0 if it is fixed."""
-    return ti.select(w.grains.inverse_mass[i] > 0.0, 1.0, 0.0)
+from taichi_sand.world.geometry import spin, velocity
 
 
 @ti.func
 def guard(w: ti.template(), start, end):
-    """Stops grains whose velocity is no number, slows down those that are too fast, and flags both."""
+    """Stops grains whose motion is no number, slows down those that are too fast, and flags both."""
     g = ti.static(w.grains)
     cap = w.pace[None].speed_cap
     fine = 1
     for i in range(start, end):
-        v = g.velocity[i]
-        fine = ti.min(fine, ti.select(v.dot(v) <= cap * cap, 1, 0))
-        if ti.static(w.turns):
-            fine = ti.min(fine, ti.select(g.spin[i] * g.spin[i] >= 0.0, 1, 0))
+        v = velocity(w, i)
+        turning = spin(w, i) * spin(w, i)
+        fine = ti.min(fine, ti.select(v.dot(v) <= cap * cap, 1, 0), ti.select(turning >= 0.0, 1, 0))
     if fine == 0:
         for i in range(start, end):
-            v = g.velocity[i]
+            v = velocity(w, i)
             square = v.dot(v)
-            if not (square >= 0.0) or not (g.spin[i] * g.spin[i] >= 0.0):
-                g.velocity[i], g.spin[i] = ti.Vector([0.0, 0.0]), 0.0
+            if not (square >= 0.0) or not (spin(w, i) * spin(w, i) >= 0.0):
+                g.twist[i] = ti.Vector([0.0, 0.0, 0.0, 0.0])
                 flag(w, NOT_FINITE, g.id[i])
             elif not square <= cap * cap:
-                g.velocity[i] = v * (cap / ti.sqrt(square))
+                slow = v * (cap / ti.sqrt(square))
+                g.twist[i] = ti.Vector([slow.x, slow.y, spin(w, i), 0.0])
                 flag(w, TOO_FAST, g.id[i])
 
 
@@ -43,13 +38,13 @@ def drift(w: ti.template(), start, end):
     time = ti.cast(w.pace[None].since + 1, w.real) * step
     off_path = 0.0
     for i in range(start, end):
-        shift = g.shift[i] + g.velocity[i] * step
+        shift = g.shift[i] + velocity(w, i) * step
         g.shift[i] = shift
         off = shift - g.start_velocity[i] * time
         off_path = ti.max(off_path, off.dot(off))
     if ti.static(w.turns):
         for i in range(start, end):
-            g.turn[i] += g.spin[i] * step
+            g.turn[i] += spin(w, i) * step
     ti.atomic_max(w.pace[None].off_path, off_path)
 
 

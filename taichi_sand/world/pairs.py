@@ -7,13 +7,16 @@ holds until the horizon is reached or a grain has left its foreseen path by half
 import taichi as ti
 
 from taichi_sand.world.flags import PAIRS_FULL, WALL_PAIRS_FULL, flag
-from taichi_sand.world.geometry import distance_to_second, wall_row
+from taichi_sand.world.geometry import distance_to_second, velocity, wall_row
 from taichi_sand.world.grid import anchor, cell_of, lay_cells, outside, permute, recell, sort
 from taichi_sand.world.tables import FAR, LANES, PAIRS_PER_GRAIN, STRIPS, WALL_PAIRS_PER_GRAIN
 
-LEAST_SKIN, MOST_SKIN = 0.15, 0.5
+LEAST_SKIN, MOST_SKIN = 0.04, 0.5
 LEAST_SLACK, MOST_SLACK = 0.10, 2.0
 """Skin, and how much two grains may approach one another within the horizon, in mean diameters."""
+SKIN = 10.0
+"""Skin / d = sqrt(SKIN u), u the spread of velocities times h / d. Every listed pair costs in every step, a search once in skin / u
+steps: their sum is least for a skin that goes with the root of u (measured: a search costs as much as some 30 looks at a pair)."""
 STEPS_AHEAD = 8
 """Steps the search tries to foresee; more cost larger cells."""
 MOST_REACH = 2 * MOST_SLACK + MOST_SKIN
@@ -28,12 +31,12 @@ def foresee(w: ti.template()):
     ti.loop_config(serialize=True)
     for i in range(w.count[None]):
         anchor(w, i)
-        low = ti.min(low, w.grains.velocity[i])
-        high = ti.max(high, w.grains.velocity[i])
+        low = ti.min(low, velocity(w, i))
+        high = ti.max(high, velocity(w, i))
     pace = w.pace[None]
     approach = (high - low).norm() * pace.step
     d = box.diameter
-    skin = ti.min(ti.max(approach, LEAST_SKIN * d), MOST_SKIN * d)
+    skin = ti.min(ti.max(ti.sqrt(SKIN * approach / d), LEAST_SKIN), MOST_SKIN) * d
     slack = ti.min(ti.max(STEPS_AHEAD * approach, LEAST_SLACK * d), MOST_SLACK * d)
     pace.skin = skin
     pace.horizon = slack / (approach + 1e-20) * pace.step
@@ -166,11 +169,11 @@ def list_range(w: ti.template(), i, start, end, p, last, lanes: ti.template()):
             if ti.static(w.periodic[k]):
                 hop[k] -= box.sites[k] * ti.cast(ti.floor(ti.cast(hop[k], w.real) / box.sites[k] + 0.5), ti.i32)
         reach = ti.cast(hop, w.real) * box.spacing + (g.offset[j] - g.offset[i])
-        motion = g.velocity[j] - g.velocity[i]
+        motion = velocity(w, j) - velocity(w, i)
         near = g.radius[i] + g.radius[j] + pace.skin
         time = ti.min(ti.max(-reach.dot(motion) / (motion.dot(motion) + 1e-20), 0.0), pace.horizon)
         closest = reach + motion * time
-        weight = g.inverse_mass[i] + g.inverse_mass[j]
+        weight = g.mobility[i].x + g.mobility[j].x
         if closest.dot(closest) < near * near and weight > 0.0:
             if row >= last:
                 flag(w, PAIRS_FULL, g.id[i])
@@ -178,8 +181,9 @@ def list_range(w: ti.template(), i, start, end, p, last, lanes: ti.template()):
                 pairs.first[row], pairs.second[row] = i, j
                 pairs.reach[row] = reach
                 pairs.contact_distance[row] = g.radius[i] + g.radius[j]
-                turning = g.inverse_inertia[i] * g.radius[i] ** 2 + g.inverse_inertia[j] * g.radius[j] ** 2
+                turning = g.mobility[i].z * g.radius[i] ** 2 + g.mobility[j].z * g.radius[j] ** 2
                 pairs.mass[row], pairs.mass_t[row] = 1.0 / weight, 1.0 / (weight + turning)
+                pairs.root_mass[row] = ti.sqrt(1.0 / weight)
                 pairs.normal[row] = reach / (reach.norm() + 1e-30)
                 pairs.gap[row] = reach.norm() - pairs.contact_distance[row]
                 remember(w, row, i, j)
@@ -193,12 +197,12 @@ def list_walls(w: ti.template(), i, q, last):
     g = ti.static(w.grains)
     walls = ti.static(w.walls)
     pace = w.pace[None]
-    near = g.radius[i] + pace.skin + g.velocity[i].norm() * pace.horizon
+    near = g.radius[i] + pace.skin + velocity(w, i).norm() * pace.horizon
     row = q
     sites = w.box[None].sites
     place = ti.min(ti.max(g.site[i], 0), sites - 1)
     over = ti.cast(g.site[i] - place, w.real) * w.box[None].spacing + g.offset[i]
-    if g.inverse_mass[i] > 0.0:
+    if g.mobility[i].x > 0.0:
         site = place.x * sites.y + place.y
         for e in range(walls.start[site], walls.start[site + 1]):
             along, bounds, side = walls.along[e], walls.bounds[e], walls.side[e]
@@ -226,8 +230,9 @@ def write_wall_row(w: ti.template(), row, i, part, reach, along, bounds, kind):
     pairs.first[row], pairs.second[row] = i, part
     pairs.reach[row] = reach
     pairs.contact_distance[row] = g.radius[i]
-    pairs.mass[row] = 1.0 / g.inverse_mass[i]
-    pairs.mass_t[row] = 1.0 / (g.inverse_mass[i] + g.inverse_inertia[i] * g.radius[i] ** 2)
+    pairs.mass[row] = 1.0 / g.mobility[i].x
+    pairs.root_mass[row] = ti.sqrt(pairs.mass[row])
+    pairs.mass_t[row] = 1.0 / (g.mobility[i].x + g.mobility[i].z * g.radius[i] ** 2)
     k = wall_row(w, row)
     pairs.along[k], pairs.bounds[k] = along, bounds
     side = 0.0

@@ -1,0 +1,22 @@
+"""Shared by all tests: Taichi keeps quiet and keeps its cache of compiled kernels."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+os.environ.setdefault("NO_COLOR", "1")  # messages without control characters
+
+
+@pytest.fixture
+def scene_file(tmp_path: Path) -> Callable[[str], Path]:
+    """Writes a scene file, `scene.toml` in a folder of its own, and returns its path."""
+
+    def write(text: str | bytes) -> Path:
+        path = tmp_path / "scene.toml"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    return write
