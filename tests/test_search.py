@@ -7,8 +7,6 @@ import pytest
 from helpers import PERIODIC, D, R, listed, simulate
 
 SIZE = (0.4, 0.3)
-SKIN = 0.15 * D
-"""The search promises to list all pairs closer than this, at the least."""
 
 
 def random_set(random: np.random.Generator) -> np.ndarray:
@@ -71,7 +69,7 @@ def test_search_lists_all_pairs(name: str, periodic: bool, precision: int) -> No
     sim = simulate([{"positions": rows}], SIZE, solver, edges=PERIODIC if periodic else {})
     sim.advance_steps(1)
     assert sim.flags() == []
-    check(sim, periodic, SKIN * 0.5)
+    check(sim, periodic, 0.9 * float(sim.world.pace[None].skin))
 
 
 @pytest.mark.parametrize("kind", ["md", "rigid"])

@@ -147,7 +147,7 @@ def _pattern(scene: Scene, index: int, taken: Taken, rng: np.random.Generator) -
     across, up = (box[2:] - box[:2]) / pitch
     _check_number(scene, index, across if table.count else across * up)
     places = _sites(box, edge, pitch, table.fill == "hexagonal")
-    places = places[taken.free(places, np.full(len(places), edge))]
+    places = places[taken.free(places, np.full(len(places), edge * (1 - 1e-9)))]  # they may touch
     if not len(places) or len(places) < (table.count or 0):
         raise _too_many(scene, index, len(places))
     places = places[: table.count]

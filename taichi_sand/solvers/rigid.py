@@ -90,9 +90,16 @@ def cone(w: ti.template(), s: ti.template(), p, normal):
 
 @ti.func
 def arms(w: ti.template(), i, j, gap, wall: ti.template()):
-    """Levers of both grains, from the centre to the contact point; they add up to the distance of the centres."""
-    arm_i = w.grains.radius[i] + (gap if ti.static(wall) else 0.5 * gap)
-    arm_j = 0.0 if ti.static(wall) else w.grains.radius[j] + 0.5 * gap
+    """Levers of both grains, from the centre to the contact point; they add up to the distance of the centres.
+
+    A wall that the grain has slid off is FAR, and gives back what it carried at the radius.
+    """
+    arm_i, arm_j = w.grains.radius[i], 0.0
+    if ti.static(wall):
+        arm_i += ti.select(gap < arm_i, gap, 0.0)
+    else:
+        arm_i += 0.5 * gap
+        arm_j = w.grains.radius[j] + 0.5 * gap
     return arm_i, arm_j
 
 

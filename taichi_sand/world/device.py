@@ -1,5 +1,6 @@
 """Starts Taichi, once for all simulations that share backend, threads and precision."""
 
+import contextlib
 import gc
 import os
 import weakref
@@ -45,7 +46,8 @@ def launch(arch: str, threads: int, precision: int) -> None:
     """ti.init, with an error in words if the backend is not there."""
     kind = getattr(ti, arch)
     real = ti.f64 if precision == 64 else ti.f32
-    ti.init(arch=kind, cpu_max_num_threads=threads, default_fp=real, log_level=ti.ERROR, random_seed=0)
+    with contextlib.redirect_stdout(None):  # it announces itself there, whatever the log level
+        ti.init(arch=kind, cpu_max_num_threads=threads, default_fp=real, log_level=ti.ERROR, random_seed=0)
     running = ti.lang.impl.current_cfg().arch
     fell_back = running in (ti.x64, ti.arm64) and arch != "cpu"
     if fell_back:

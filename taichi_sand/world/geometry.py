@@ -70,7 +70,7 @@ def distance_to_second(w: ti.template(), p, i, wall: ti.template()):
     """Distance [m] from the centre of grain i, first of pair p, to the second: a centre, or the nearest point of a wall.
 
     Returns the distance and the unit normal towards the second. A grain whose centre has crossed a wall gets a negative distance
-    and is still pushed back to its side. A wall that does not face the grain is far away.
+    and is still pushed back to its side. A wall that does not face the grain is far away, and its side is wherever the grain is.
     """
     pairs = ti.static(w.pairs)
     g = ti.static(w.grains)
@@ -91,6 +91,7 @@ def distance_to_second(w: ti.template(), p, i, wall: ti.template()):
             distance = rest.dot(normal)
             if slid < bounds.x or slid > bounds.y:
                 distance = 1e30
+                pairs.side[q] = ti.select(rest.dot(perp(along)) < 0.0, 1.0, -1.0)
     else:
         rest = pairs.reach[p] + (g.shift[pairs.second[p]] - g.shift[i])
         square = rest.dot(rest) + 1e-30
