@@ -57,9 +57,9 @@ def test_text_stands_at_the_upper_left() -> None:
 
 
 def test_facts_wrap_in_a_narrow_picture() -> None:
-    changed = drawn(width=260, scale=260.0) != GROUND
-    assert changed.any(1)[50:80].any()
-    assert not changed[:, 259].any()
+    wide, narrow = drawn(width=400, scale=400.0) != GROUND, drawn(width=150, scale=150.0) != GROUND
+    assert np.flatnonzero(narrow.any(1))[-1] > np.flatnonzero(wide.any(1))[-1] + 10
+    assert not narrow[:, 149].any()
 
 
 def test_a_tiny_picture_does_no_harm() -> None:

@@ -20,6 +20,7 @@ class Grid(NamedTuple):
     columns: Any  # cells along x, 0-D i32
     rows: Any  # cells along y, 0-D i32
     cell_size: Any  # 0-D 2-vector [m]
+    flight: Any  # position and velocity of each grain, rounded: enough to tell who is far, shape (capacity,), 4-vectors
     whole: Any  # scratch, shape (capacity,), i32
     number: Any  # scratch, shape (capacity,), real
 
@@ -33,6 +34,7 @@ def allocate_grid(real: Any, capacity: int, cells: int) -> Grid:
         columns=ti.field(ti.i32, ()),
         rows=ti.field(ti.i32, ()),
         cell_size=ti.Vector.field(2, real, ()),
+        flight=ti.Vector.field(4, real, capacity),
         whole=ti.field(ti.i32, capacity),
         number=ti.field(real, capacity),
     )
@@ -160,6 +162,10 @@ def permute_one(w: ti.template(), present, column: ti.template(), scratch: ti.te
 
 
 @ti.func
-def recell(w: ti.template()):
-    """Cells in the new order of the grains."""
+def follow(w: ti.template()):
+    """Cells and flights in the new order of the grains."""
     permute_one(w, w.count[None], w.grid.cell, w.grid.whole)
+    ti.loop_config(serialize=True)
+    for i in range(w.count[None]):
+        p, v = position(w, i), velocity(w, i)
+        w.grid.flight[i] = ti.Vector([p.x, p.y, v.x, v.y])

@@ -8,7 +8,7 @@ import taichi as ti
 
 from taichi_sand.world.flags import PAIRS_FULL, WALL_PAIRS_FULL, flag
 from taichi_sand.world.geometry import distance_to_second, velocity, wall_row
-from taichi_sand.world.grid import anchor, cell_of, lay_cells, outside, permute, recell, sort
+from taichi_sand.world.grid import anchor, cell_of, lay_cells, outside, permute, follow, sort
 from taichi_sand.world.tables import FAR, LANES, PAIRS_PER_GRAIN, STRIPS, WALL_PAIRS_PER_GRAIN
 
 LEAST_SKIN, MOST_SKIN = 0.04, 0.5
@@ -156,39 +156,65 @@ def list_neighbours(w: ti.template(), i, p, last, lanes: ti.template()):
 
 
 @ti.func
+def may_meet(reach, motion, near, horizon):
+    """Whether two points `reach` apart that move apart by `motion` come closer than `near` within `horizon`."""
+    approach = -reach.dot(motion)
+    square = motion.dot(motion)
+    excess = reach.dot(reach) - near * near
+    last = reach + motion * horizon
+    passing = ti.select(approach < horizon * square, excess * square < approach * approach, last.dot(last) < near * near)
+    return (excess < 0.0) | ((approach > 0.0) & passing)
+
+
+@ti.func
 def list_range(w: ti.template(), i, start, end, p, last, lanes: ti.template()):
     """Lists grain i with those of the grains start .. end-1 that it may meet."""
+    grid = ti.static(w.grid)
+    box = w.box[None]
+    pace = w.pace[None]
+    flight = grid.flight[i]
+    rounding = 1e-6 * (box.size.x + box.size.y)
+    near = w.grains.radius[i] + 0.5 * box.largest + pace.skin + rounding
+    row = p
+    for j in range(start, end):
+        apart = grid.flight[j] - flight
+        for k in ti.static(range(2)):
+            if ti.static(w.periodic[k]):
+                apart[k] -= box.size[k] * ti.floor(apart[k] / box.size[k] + 0.5)
+        if may_meet(apart.xy, apart.zw, near, pace.horizon):
+            row = list_pair(w, i, j, row, last, lanes)
+    return row
+
+
+@ti.func
+def list_pair(w: ti.template(), i, j, row, last, lanes: ti.template()):
+    """Lists grains i and j if, looked at closely, they may meet. Returns the next row."""
     g = ti.static(w.grains)
     pairs = ti.static(w.pairs)
     box = w.box[None]
-    pace = w.pace[None]
-    row = p
-    for j in range(start, end):
-        hop = g.site[j] - g.site[i]
-        for k in ti.static(range(2)):
-            if ti.static(w.periodic[k]):
-                hop[k] -= box.sites[k] * ti.cast(ti.floor(ti.cast(hop[k], w.real) / box.sites[k] + 0.5), ti.i32)
-        reach = ti.cast(hop, w.real) * box.spacing + (g.offset[j] - g.offset[i])
-        motion = velocity(w, j) - velocity(w, i)
-        near = g.radius[i] + g.radius[j] + pace.skin
-        time = ti.min(ti.max(-reach.dot(motion) / (motion.dot(motion) + 1e-20), 0.0), pace.horizon)
-        closest = reach + motion * time
-        weight = g.mobility[i].x + g.mobility[j].x
-        if closest.dot(closest) < near * near and weight > 0.0:
-            if row >= last:
-                flag(w, PAIRS_FULL, g.id[i])
-            else:
-                pairs.first[row], pairs.second[row] = i, j
-                pairs.reach[row] = reach
-                pairs.contact_distance[row] = g.radius[i] + g.radius[j]
-                turning = g.mobility[i].z * g.radius[i] ** 2 + g.mobility[j].z * g.radius[j] ** 2
-                pairs.mass[row], pairs.mass_t[row] = 1.0 / weight, 1.0 / (weight + turning)
-                pairs.root_mass[row] = ti.sqrt(1.0 / weight)
-                pairs.normal[row] = reach / (reach.norm() + 1e-30)
-                pairs.gap[row] = reach.norm() - pairs.contact_distance[row]
-                remember(w, row, i, j)
-                row += lanes
-    return row
+    hop = g.site[j] - g.site[i]
+    for k in ti.static(range(2)):
+        if ti.static(w.periodic[k]):
+            hop[k] -= box.sites[k] * ti.cast(ti.floor(ti.cast(hop[k], w.real) / box.sites[k] + 0.5), ti.i32)
+    reach = ti.cast(hop, w.real) * box.spacing + (g.offset[j] - g.offset[i])
+    radii = g.radius[i] + g.radius[j]
+    weight = g.mobility[i].x + g.mobility[j].x
+    next_row = row
+    if weight > 0.0 and may_meet(reach, velocity(w, j) - velocity(w, i), radii + w.pace[None].skin, w.pace[None].horizon):
+        if row >= last:
+            flag(w, PAIRS_FULL, g.id[i])
+        else:
+            pairs.first[row], pairs.second[row] = i, j
+            pairs.reach[row] = reach
+            pairs.contact_distance[row] = radii
+            turning = g.mobility[i].z * g.radius[i] ** 2 + g.mobility[j].z * g.radius[j] ** 2
+            pairs.mass[row], pairs.mass_t[row] = 1.0 / weight, 1.0 / (weight + turning)
+            pairs.root_mass[row] = ti.sqrt(1.0 / weight)
+            pairs.normal[row] = reach / (reach.norm() + 1e-30)
+            pairs.gap[row] = reach.norm() - radii
+            remember(w, row, i, j)
+            next_row = row + lanes
+    return next_row
 
 
 @ti.func
@@ -293,7 +319,7 @@ def search(w: ti.template()):
     assign_cells(w)
     sort(w)
     permute(w, present)
-    recell(w)
+    follow(w)
     cut_blocks(w)
     if ti.static(w.layout == "one"):
         list_block(w, 0)
