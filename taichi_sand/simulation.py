@@ -71,6 +71,7 @@ class Simulation:
             self._lay(grains)
             fill(self.world, grains)
             self.made = len(grains.radius)
+            self.steps = 0  # done
             self._start_steps()
 
     def _lay(self, grains: Any) -> None:
@@ -98,16 +99,15 @@ class Simulation:
         pace = self.world.pace
         pace[None].spent, pace[None].step, pace[None].speed_cap = 1, self.step, self.numbers["speed_cap"]
         self._march(0)
+        if self.world.layout != "one":  # compile now what the march launches: a step that finds its search spent does nothing
+            step_alone(self.world, self.solver)
+            search_alone(self.world)
+            ti.sync()
 
     @property
     def step(self) -> float:
         """Time step [s]."""
         return self.numbers["step"]
-
-    @property
-    def steps(self) -> int:
-        """Steps done."""
-        return int(self.world.pace[None].done)
 
     @property
     def time(self) -> float:
@@ -130,6 +130,7 @@ class Simulation:
         """Simulates `count` steps."""
         with self._stage("march"):
             self._march(count)
+        self.steps += count
 
     def _march(self, count: int) -> None:
         if self.world.layout == "one":
@@ -137,10 +138,10 @@ class Simulation:
             ti.sync()
             return
         end = self.steps + count
-        while self.steps < end:
+        while (done := self.world.pace[None].done) < end:
             if self.world.pace[None].spent:
                 search_alone(self.world)
-            for _ in range(min(BATCH, end - self.steps)):
+            for _ in range(min(BATCH, end - done)):
                 step_alone(self.world, self.solver)
 
     @contextmanager
@@ -229,4 +230,5 @@ class Simulation:
         about, arrays = checkpoint.load(path)
         sim = cls(Scene.from_json(about["scene"]), arch=arch, threads=threads)
         checkpoint.restore(sim._fields(), arrays, path)
+        sim.steps = int(sim.world.pace[None].done)
         return sim

@@ -93,7 +93,7 @@ def test_same_words_same_bits() -> None:
     assert np.array_equal(drawn(), drawn())
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def sim() -> sand.Simulation:
     edges = {"left": "wall", "right": "open", "bottom": "wall", "top": "open"}
     walls = [{"points": [(0, 0.2), (0.1, 0.1), (0.2, 0.1)], "closed": True}]

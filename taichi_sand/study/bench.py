@@ -1,0 +1,230 @@
+"""The benchmark: `python -m taichi_sand.study.bench` prints how fast the simulator is, beside its peers.
+
+Every run is a process of its own, pinned to one core (to two where it says so), timed without compiling; the runs of a table take
+turns, and medians are shown. Rigid solvers are compared at equal mean overlap: the cost of ours is interpolated between two of our
+tolerances. `--native DIR` adds the native programs `floor_rigid` and `floor_md` if DIR holds them; pymunk is the extra `bench`.
+"""
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+SECONDS = 2.0
+BED = ["grains.0.fill=hexagonal", "grains.0.radius=0.01", "grains.0.pitch=1.0", "grains.0.jitter=0"]
+"""Overrides that make the settle scene a bed at rest from the start: what a step costs, for any number of grains."""
+
+
+def settle(count: int, overrides: list[str]) -> Any:
+    """The settle scene with `count` grains."""
+    from taichi_sand import load
+
+    return load("settle", [f"scale={count / 1000}", *overrides])
+
+
+def settling(count: int, overrides: list[str]) -> dict[str, float]:
+    """Cost (CPU seconds per simulated second), mean overlap / d after SECONDS, ns per grain and step in the second half."""
+    from taichi_sand import Simulation
+    from taichi_sand.study.peers import overlaps
+
+    sim = Simulation(settle(count, overrides), threads=1)
+    start = time.process_time()
+    sim.advance(SECONDS / 2)
+    half, steps = time.process_time(), sim.steps
+    sim.advance(SECONDS / 2)
+    end = time.process_time()
+    overlap = overlaps(sim.positions, sim.radii, sim.scene.size[0]).mean()
+    return {"cost": (end - start) / SECONDS, "overlap": float(overlap), "ns": 1e9 * (end - half) / (sim.steps - steps) / count}
+
+
+def stepping(count: int, overrides: list[str], threads: int, steps: int) -> dict[str, float]:
+    """Wall ns per grain and step of a bed at rest, and µs a frame of 1/60 s."""
+    from taichi_sand import Simulation
+
+    sim = Simulation(settle(count, [*BED, *overrides]), threads=threads)
+    sim.advance_steps(steps)
+    start = time.perf_counter()
+    sim.advance_steps(steps)
+    return {"ns": 1e9 * (time.perf_counter() - start) / steps / count}
+
+
+def billiards() -> dict[str, float]:
+    """µs a frame of 1/60 s of the ten discs of `billiards`."""
+    from taichi_sand import Simulation, load
+
+    sim = Simulation(load("billiards"), threads=1)
+    sim.advance(0.5)
+    start = time.perf_counter()
+    for _ in range(300):
+        sim.advance(1 / 60)
+    return {"us": 1e6 * (time.perf_counter() - start) / 300}
+
+
+def painting(count: int, width: int) -> dict[str, float]:
+    """ms to paint a 16:9 box with `count` discs of 8 mm, `width` pixels wide."""
+    from taichi_sand import Scene, Simulation
+
+    side = float(np.sqrt(count * 4e-4 * 16 / 9))
+    grains = [{"radius": 0.008, "count": count}]
+    sim = Simulation(Scene(size=[side, side * 9 / 16], grains=grains, view={"width": width}), threads=1)
+    sim.image()
+    times = []
+    for _ in range(20):
+        start = time.perf_counter()
+        sim.image()
+        times.append(time.perf_counter() - start)
+    return {"ms": 1e3 * statistics.median(times)}
+
+
+def pymunk(count: int, step: float, iterations: int) -> dict[str, float]:
+    """The settle scene in pymunk."""
+    from taichi_sand.scene.packing import pack
+    from taichi_sand.study.peers import settle_in_pymunk
+
+    scene = settle(count, [])
+    return settle_in_pymunk(pack(scene), scene.size[0], step, iterations, SECONDS)
+
+
+def native(program: str, count: int, options: list[str]) -> dict[str, float]:
+    """The settle scene in a native program."""
+    from taichi_sand.scene.packing import pack
+    from taichi_sand.study.peers import settle_natively
+
+    scene = settle(count, [])
+    with tempfile.TemporaryDirectory() as folder:
+        return settle_natively(Path(program), options, pack(scene), scene.size[0], Path(folder))
+
+
+JOBS: dict[str, Callable[..., dict[str, float]]] = {
+    job.__name__: job for job in (settling, stepping, billiards, painting, pymunk, native)
+}
+
+
+def alone(name: str, threads: int, *arguments: Any) -> dict[str, float]:
+    """Runs a job in a process of its own on `threads` cores."""
+    cores = sorted(os.sched_getaffinity(0))[-threads:]
+    command = [sys.executable, "-m", "taichi_sand.study.bench", "--job", json.dumps([name, list(arguments)])]
+    done = subprocess.run(command, capture_output=True, text=True, preexec_fn=lambda: os.sched_setaffinity(0, cores))
+    if done.returncode:
+        raise SystemExit(done.stderr.strip() or f"{name} failed")
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def medians(runs: int, jobs: dict[str, tuple]) -> dict[str, dict[str, float]]:
+    """Medians of `runs` interleaved runs of each job (threads, name, arguments …)."""
+    results: dict[str, list[dict[str, float]]] = {key: [] for key in jobs}
+    for _ in range(runs):
+        for key, (threads, name, *arguments) in jobs.items():
+            results[key].append(alone(name, threads, *arguments))
+    return {key: {part: statistics.median(r[part] for r in rows) for part in rows[0]} for key, rows in results.items()}
+
+
+def cost_at(overlap: float, ours: list[dict[str, float]]) -> float:
+    """Cost of ours at a mean overlap, interpolated in logarithms; at the end of the ladder that is still as good, if beyond."""
+    ladder = sorted(ours, key=lambda r: r["overlap"])
+    x, y = (np.log([r[key] for r in ladder]) for key in ("overlap", "cost"))
+    return float(np.exp(np.interp(np.log(overlap), x, y)))
+
+
+def rigid_table(runs: int, count: int, ladder: tuple[float, ...], peers: dict[str, tuple]) -> Table:
+    """Rigid solver against its peers at equal mean overlap."""
+    jobs: dict[str, tuple] = {f"{x}": (1, "settling", count, [f"solver.tolerance={x}"]) for x in ladder}
+    found = medians(runs, {**jobs, **peers})
+    ours = [found[key] for key in jobs]
+    table = Table(
+        "rigid, settle", "CPU s per s", "mean overlap / d", "ours at that overlap", "ratio", title=f"{count} grains, one thread"
+    )
+    for key, row in found.items():
+        cells = (
+            ["", ""]
+            if key in jobs
+            else [f"{cost_at(row['overlap'], ours):.3f}", f"{row['cost'] / cost_at(row['overlap'], ours):.1f}×"]
+        )
+        table.add_row(f"tolerance {key}" if key in jobs else key, f"{row['cost']:.3f}", f"{row['overlap']:.4f}", *cells)
+    return table
+
+
+def md_table(runs: int, counts: list[int], folder: Path | None) -> Table:
+    """Molecular dynamics over the settled half: M grain-steps a second."""
+    table = Table(
+        "md, settle",
+        "viscous",
+        "spring",
+        "spring / viscous",
+        "native, scalar",
+        "viscous / native",
+        title="10^6 grain-steps/s, one thread",
+    )
+    for count in counts:
+        jobs = {m: (1, "settling", count, ["solver.kind=md", f"effects.friction.model={m}"]) for m in ("viscous", "spring")}
+        if folder:
+            jobs["native"] = (1, "native", str(folder / "floor_md"), count, ["-mode", "1"])
+        found = medians(runs, jobs)
+        rate = {key: 1e3 / row[{"native": "ns_ps_tail"}.get(key, "ns")] for key, row in found.items()}
+        other = [f"{rate['native']:.1f}", f"{rate['viscous'] / rate['native']:.2f}"] if folder else ["", ""]
+        table.add_row(
+            f"{count} grains",
+            f"{rate['viscous']:.1f}",
+            f"{rate['spring']:.1f}",
+            f"{rate['viscous'] / rate['spring']:.2f}× dearer",
+            *other,
+        )
+    return table
+
+
+def scaling_table(runs: int, counts: list[int]) -> Table:
+    """ns per grain and step of a bed at rest, one thread and two."""
+    table = Table("solver", "grains", "one thread", "two threads", "speed-up", title="ns per grain and step, a bed at rest")
+    for kind in ("rigid", "md"):
+        for count in counts:
+            steps = max(10, 2_000_000 // count)
+            jobs = {str(n): (n, "stepping", count, [f"solver.kind={kind}"], n, steps) for n in (1, 2)}
+            one, two = (row["ns"] for row in medians(runs, jobs).values())
+            table.add_row(kind, str(count), f"{one:.1f}", f"{two:.1f}", f"{one / two:.2f}×")
+    return table
+
+
+def main() -> None:
+    """Prints all tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=3, help="interleaved runs of each, for the medians")
+    parser.add_argument("--native", type=Path, metavar="DIR", help="folder with floor_rigid and floor_md")
+    parser.add_argument("--most", type=int, default=20000, help="most grains in the comparisons with peers")
+    parser.add_argument("--job", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.job:
+        name, arguments = json.loads(given.job)
+        print(json.dumps(JOBS[name](*arguments)))
+        return
+    console, runs, folder = Console(), given.runs, given.native
+    settings = {
+        5000: ((0.04, 0.02, 0.01), 1 / 960, ["-f", "480", "-it", "8", "-pit", "4"]),
+        20000: ((0.04, 0.02), 1 / 240, ["-f", "240", "-it", "10", "-pit", "5"]),
+    }
+    for count, (ladder, step, options) in settings.items():
+        if count <= given.most:
+            peers = {f"pymunk 1/{round(1 / step)} s": (1, "pymunk", count, step, 10)}
+            if folder:
+                peers["floor_rigid"] = (1, "native", str(folder / "floor_rigid"), count, options)
+            console.print(rigid_table(runs, count, ladder, peers))
+    console.print(md_table(runs, [n for n in (1000, 5000, 20000) if n <= given.most], folder))
+    console.print(scaling_table(runs, [1000, 5000, 20000, 100_000]))
+    small = medians(runs, {"billiards": (1, "billiards"), "painting": (1, "painting", 20000, 1280)})
+    console.print(
+        f"ten billiard discs: {small['billiards']['us']:.0f} µs a frame; painting 20000 discs at 1280×720: {small['painting']['ms']:.1f} ms"
+    )
+
+
+if __name__ == "__main__":
+    main()

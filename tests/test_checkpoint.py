@@ -1,0 +1,94 @@
+"""Checkpoints: a resumed run equals an uninterrupted one, bit for bit; a file that cannot be used is refused in a sentence."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import digest, fresh_taichi, simulate
+
+import taichi_sand as sand
+
+LOOSE = {"radius": [0.008, 0.012], "density": 1000.0, "count": 150, "fill": "lattice", "pitch": 1.3, "jitter": 0.1}
+KEYS = {"gravity": (0.0, -9.81), "mu": 0.5, "seed": 2, "edges": {"right": "open"}}
+STEPS = {"rigid": (301, 400), "md": (2001, 3000)}
+
+
+def make(kind: str):
+    """A heap that loses grains through its open side."""
+    return simulate([LOOSE], (0.4, 0.6), {"kind": kind, "precision": 32}, **KEYS)
+
+
+@pytest.mark.parametrize("kind", STEPS)
+def test_resumed_equals_uninterrupted(kind: str, tmp_path: Path) -> None:
+    """Saved in the middle of a search's life, with stretched springs, carried impulses and grains lost."""
+    first, second = STEPS[kind]
+    sim = make(kind)
+    sim.advance_steps(first)
+    sim.save(tmp_path / "half.npz")
+    sim.advance_steps(second)
+    expected, lost, time = digest(sim), sim.lost, sim.time
+    fresh_taichi()
+    resumed = sand.Simulation.resume(tmp_path / "half.npz", threads=1)
+    assert resumed.steps == first
+    resumed.advance_steps(second)
+    assert (digest(resumed), resumed.lost, resumed.time) == (expected, lost, time)
+    report = resumed.report()
+    assert report["steps"] == first + second and report["grains"] + report["grains_lost"] == 150
+
+
+def test_saving_changes_nothing(tmp_path: Path) -> None:
+    """Reports, pictures of the state and checkpoints only look."""
+    digests = []
+    for look in (False, True):
+        sim = make("rigid")
+        for _ in range(4):
+            sim.advance_steps(60)
+            if look:
+                sim.save(tmp_path / "look.npz")
+                sim.report()
+                assert np.isfinite(sim.positions).all()
+        digests.append(digest(sim))
+    assert digests[0] == digests[1]
+
+
+def test_interrupted_save_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """design.md 7: either the old file or a complete new one."""
+    path = tmp_path / "state.npz"
+    sim = make("rigid")
+    sim.save(path)
+    old = path.read_bytes()
+
+    def full_disk(file, **_: object) -> None:
+        file.write(b"half of it")
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(np, "savez_compressed", full_disk)
+    monkeypatch.setattr(np, "savez", full_disk)
+    sim.advance_steps(10)
+    with pytest.raises((OSError, sand.SandError)):
+        sim.save(path)
+    assert path.read_bytes() == old and [file.name for file in tmp_path.iterdir()] == ["state.npz"]
+
+
+def damage(data: bytes, how: str) -> bytes:
+    """A checkpoint with something wrong."""
+    middle = len(data) // 2
+    return {
+        "cut": data[:middle],
+        "flipped": data[:middle] + bytes([data[middle] ^ 0xFF]) + data[middle + 1 :],
+        "empty": b"",
+        "text": b"not a checkpoint\n" * 10,
+    }[how]
+
+
+@pytest.mark.parametrize("how", ["cut", "flipped", "empty", "text", "missing"])
+def test_wrong_checkpoint_is_refused(how: str, tmp_path: Path) -> None:
+    """One sentence that names the file."""
+    path = tmp_path / "state.npz"
+    if how != "missing":
+        sim = make("rigid")
+        sim.save(path)
+        path.write_bytes(damage(path.read_bytes(), how))
+    with pytest.raises(sand.SandError) as caught:
+        sand.Simulation.resume(path, threads=1)
+    assert "state.npz" in str(caught.value) and "\n" not in str(caught.value)
