@@ -82,9 +82,7 @@ def test_the_table_puts_asked_next_to_measured(folder: Path) -> None:
 
 
 def test_flags_of_the_command_reach_the_scene(folder: Path) -> None:
-    report = as_json(
-        "--set", "solver.kind=md", "--precision", "64", "--threads", "1", "--seconds", "0.01", "--set", "grains.0.count=3"
-    )
+    report = as_json("--set", "solver.kind=md", "--precision", "64", "--threads", "1", "--seconds", "0.01", "--set", "grains.0.count=3")
     assert (report["solver"], report["precision"], report["threads"], report["grains"]) == ("md", 64, 1, 3)
     assert report["time_s"] == pytest.approx(0.01, rel=0.05)
 

@@ -87,9 +87,7 @@ def test_folder_has_numbered_frames(sim: sand.Simulation, tmp_path: Path) -> Non
 
 
 def test_odd_width_can_be_filmed(tmp_path: Path) -> None:
-    sim = sand.Simulation(
-        sand.Scene(size=(1.0, 0.75), grains=[{"positions": [(0.5, 0.5)], "radius": 0.1}], view={"width": 81, "fps": 10})
-    )
+    sim = sand.Simulation(sand.Scene(size=(1.0, 0.75), grains=[{"positions": [(0.5, 0.5)], "radius": 0.1}], view={"width": 81, "fps": 10}))
     film(sim, tmp_path / "film.mp4", seconds=0.2)
     assert next(imageio_ffmpeg.read_frames(str(tmp_path / "film.mp4")))["size"] == (82, 60)
 
@@ -121,9 +119,7 @@ def stop_at(sim: sand.Simulation, call: int) -> Callable[..., None]:
 
 
 @pytest.mark.parametrize("old", [True, False])
-@pytest.mark.parametrize(
-    ("name", "call"), [(name, 0) for name in ENDINGS] + [(name, 3) for name in ENDINGS if name != "film.png"]
-)
+@pytest.mark.parametrize(("name", "call"), [(name, 0) for name in ENDINGS] + [(name, 3) for name in ENDINGS if name != "film.png"])
 def test_an_interruption_leaves_the_old_film_and_no_leftovers(
     name: str, call: int, old: bool, sim: sand.Simulation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

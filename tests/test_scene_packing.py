@@ -123,9 +123,7 @@ def test_jitter_stays_within_its_bounds() -> None:
 
 
 def test_positions_are_taken_as_they_are() -> None:
-    grains = place(
-        {"positions": [[0.5, 0.5, 0.1, 1, 2, 0.3, 4], [0.5, 0.5, 0.2, 0, 0, 0, 0]], "velocity": [1, 1], "spin": 2, "angle": 1}
-    )
+    grains = place({"positions": [[0.5, 0.5, 0.1, 1, 2, 0.3, 4], [0.5, 0.5, 0.2, 0, 0, 0, 0]], "velocity": [1, 1], "spin": 2, "angle": 1})
     assert grains.position.tolist() == [[0.5, 0.5], [0.5, 0.5]]
     assert grains.velocity.tolist() == [[2, 3], [1, 1]]
     assert grains.radius.tolist() == [0.1, 0.2]

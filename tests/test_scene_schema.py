@@ -174,9 +174,7 @@ def test_errors_name_file_key_and_what_is_allowed(scene_file: Callable[[str], Pa
     with pytest.raises(SandError) as caught:
         loading.load(scene_file(SMALL + 'fil = "lattice"\n'))
     assert caught.value.key == "grains[0].fil"
-    assert str(caught.value).startswith(
-        "scene.toml: grains[0].fil is not a known key; did you mean `fill`? ([[grains]] has shape,"
-    )
+    assert str(caught.value).startswith("scene.toml: grains[0].fil is not a known key; did you mean `fill`? ([[grains]] has shape,")
 
 
 def test_parameters_of_effects() -> None:
@@ -210,9 +208,7 @@ def test_parameters_of_effects() -> None:
 
 
 def test_help_and_list_do_without_taichi() -> None:
-    script = (
-        "import sys; from taichi_sand.cli import app; app(['scenes'], standalone_mode=False); assert 'taichi' not in sys.modules"
-    )
+    script = "import sys; from taichi_sand.cli import app; app(['scenes'], standalone_mode=False); assert 'taichi' not in sys.modules"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, cwd=ROOT)
     assert done.returncode == 0, done.stderr
     assert "hourglass" in done.stdout

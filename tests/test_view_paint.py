@@ -252,9 +252,7 @@ print("picture chains", hashlib.sha256(image(sim).tobytes()).hexdigest())
 
 
 def test_pictures_do_not_depend_on_the_number_of_threads() -> None:
-    run = [
-        subprocess.run([sys.executable, "-c", PICTURES, threads], check=True, capture_output=True, text=True) for threads in "12"
-    ]
+    run = [subprocess.run([sys.executable, "-c", PICTURES, threads], check=True, capture_output=True, text=True) for threads in "12"]
     hashes = [[line for line in one.stdout.splitlines() if line.startswith("picture")] for one in run]
     assert len(hashes[0]) == 8
     assert hashes[0] == hashes[1]

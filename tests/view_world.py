@@ -60,9 +60,7 @@ def world_of(
     edges = {"left": edge[0], "right": edge[0], "bottom": edge[1], "top": edge[1]}
     world = make_world(Scene(size=size, edges=edges), pack, 0, False, angle is not None or spin is not None, False)
     fill(world, pack)
-    put_pairs(
-        world, pack, sorted(pairs), sorted(wall_pairs, key=lambda row: row[0]), np.array(size), np.where(periodic, size, 0.0)
-    )
+    put_pairs(world, pack, sorted(pairs), sorted(wall_pairs, key=lambda row: row[0]), np.array(size), np.where(periodic, size, 0.0))
     return world
 
 
@@ -84,9 +82,7 @@ def put_pairs(world: World, pack: Pack, pairs: Sequence, wall_pairs: Sequence, s
             }
         )
     for i, normal, gap, force in wall_pairs:
-        rows.append(
-            {"first": i, "second": 0, "normal": normal, "contact_distance": pack.radius[i], "gap": gap, "force": (force, 0)}
-        )
+        rows.append({"first": i, "second": 0, "normal": normal, "contact_distance": pack.radius[i], "gap": gap, "force": (force, 0)})
     for row, values in enumerate(rows):
         for name, value in values.items():
             getattr(world.pairs, name)[row] = value

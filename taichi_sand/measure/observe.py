@@ -116,9 +116,7 @@ def observe(
 
 
 @ti.kernel
-def sum_pairs(
-    w: ti.template(), frame: ti.types.ndarray(), sums: ti.types.ndarray(), overlaps: ti.types.ndarray(), real: ti.template()
-):
+def sum_pairs(w: ti.template(), frame: ti.types.ndarray(), sums: ti.types.ndarray(), overlaps: ti.types.ndarray(), real: ti.template()):
     """sums[b, column] over the pairs of block b, and every pair's overlap by its row within the half in use."""
     for b in range(blocks_in_use(w)):
         total = ti.Vector.zero(real, PAIR_COLUMNS)

@@ -14,7 +14,8 @@ too make up the inside of the bed (so the surface, the walls and their ordering 
 normal force exceeds 1e-3 of the mean one; a rattler has fewer than two such contacts (physics.md B3).
 `bed_height_m`: twice the mass-weighted mean height above the lowest point of a grain: the height of a level bed of even density.
 Up is against gravity (+y without gravity).
-`floor_force_N`: downward force on the walls that rise less than 80 degrees, friction included: a bed at rest between smooth sides gives its weight.
+`floor_force_N`: downward force on the walls that rise less than 80 degrees, friction included; a bed at rest between smooth sides
+gives its weight.
 `wall_force_N`: sum over all wall contacts of the size of their force.
 Forces are those of the last step. Sums are in f64 on the CPU and CUDA.
 """

@@ -113,9 +113,7 @@ def scene(table: "Scene") -> None:
     edges = table.edges
     for one, other in (("left", "right"), ("bottom", "top")):
         if (getattr(edges, one) == "periodic") != (getattr(edges, other) == "periodic"):
-            text = (
-                f' = "{getattr(edges, one)}" but edges.{other} = "{getattr(edges, other)}": periodic edges come in opposite pairs'
-            )
+            text = f' = "{getattr(edges, one)}" but edges.{other} = "{getattr(edges, other)}": periodic edges come in opposite pairs'
             raise Wrong(f"edges.{one}", text)
     for index, item in enumerate(table.grains):
         name = f"grains[{index}]"

@@ -60,9 +60,7 @@ def _is_number(cell: str) -> bool:
 
 def _check_header(path: Path, cells: list[str], line: int) -> None:
     if tuple(cells) != COLUMNS[: len(cells)] or len(cells) not in LENGTHS:
-        raise SandError(
-            f"{path}: line {line}: the columns are {show(cells)}, but must be x, y[, radius[, vx, vy[, angle[, spin]]]]"
-        )
+        raise SandError(f"{path}: line {line}: the columns are {show(cells)}, but must be x, y[, radius[, vx, vy[, angle[, spin]]]]")
 
 
 def _numbers(path: Path, cells: list[str], line: int, length: int) -> list[float]:

@@ -80,9 +80,7 @@ def _hits(position: np.ndarray, radius: np.ndarray, there: Taken) -> np.ndarray:
     return hit
 
 
-def _push_apart(
-    places: np.ndarray, radius: np.ndarray, low: np.ndarray, high: np.ndarray, taken: Taken, rng: np.random.Generator
-) -> bool:
+def _push_apart(places: np.ndarray, radius: np.ndarray, low: np.ndarray, high: np.ndarray, taken: Taken, rng: np.random.Generator) -> bool:
     """Moves discs, in place, until none overlaps; False if that does not come about."""
     count, skin = len(radius), 0.4 * float(radius.mean())
     position = np.concatenate([places, taken.position])
@@ -113,9 +111,7 @@ def _push_apart(
     return False
 
 
-def _stuck(
-    position: np.ndarray, radius: np.ndarray, count: int, pairs: tuple[np.ndarray, np.ndarray], taken: Taken
-) -> np.ndarray:
+def _stuck(position: np.ndarray, radius: np.ndarray, count: int, pairs: tuple[np.ndarray, np.ndarray], taken: Taken) -> np.ndarray:
     """Which of the first `count` discs (count,) overlap the most, two dozen at most, and those that walls or taken discs hold."""
     stuck = ~taken.free(position[:count], 0.99 * radius[:count])
     depth = _overlap(position, radius, position, radius, *pairs)

@@ -84,9 +84,7 @@ class Solver(Table):
     integrator: Literal["symplectic_euler"] = key("symplectic_euler", "md: how velocity and position are advanced")
     law: Literal["linear", "hertz", "custom"] = key("linear", "md: normal force; custom takes `alpha`, `beta` and `k_d`")
     k_r: Number | None = key(None, "md: coefficient of the elastic force k_r ζ^beta, instead of `stiffness`", "N/m^beta", gt=0)
-    k_d: Number | None = key(
-        None, "md: coefficient of the damping force k_d ζ^alpha ζ', instead of `restitution`", "N s/m^(1+alpha)", ge=0
-    )
+    k_d: Number | None = key(None, "md: coefficient of the damping force k_d ζ^alpha ζ', instead of `restitution`", "N s/m^(1+alpha)", ge=0)
     alpha: Number | None = key(None, "md, custom law: exponent of the overlap in the damping force", ge=0, le=4)
     beta: Number | None = key(None, "md, custom law: exponent of the overlap in the elastic force", gt=0, le=4)
 

@@ -84,9 +84,7 @@ def _model(location: tuple[int | str, ...], tables: dict[str, type[BaseModel]]) 
 def _wanted(detail: Any) -> str:
     if detail["type"] == "literal_error":
         choices = detail["ctx"]["expected"].replace("'", "").replace(" or ", ", ").split(", ")
-        return (
-            f"must be one of {', '.join(choices)}{suggest(detail['input'], choices) if isinstance(detail['input'], str) else ''}"
-        )
+        return f"must be one of {', '.join(choices)}{suggest(detail['input'], choices) if isinstance(detail['input'], str) else ''}"
     return ALLOWED.get(detail["type"], "").format_map(detail.get("ctx", {}))
 
 

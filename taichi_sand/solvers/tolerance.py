@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-
 CONTACT_STEPS = 20
 """Steps of molecular dynamics in a collision."""
 STEP_LIMIT = 0.18

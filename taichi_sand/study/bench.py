@@ -106,16 +106,14 @@ def native(program: str, count: int, options: list[str]) -> dict[str, float]:
         return settle_natively(Path(program), options, pack(scene), scene.size[0], Path(folder))
 
 
-JOBS: dict[str, Callable[..., dict[str, float]]] = {
-    job.__name__: job for job in (settling, stepping, billiards, painting, pymunk, native)
-}
+JOBS: dict[str, Callable[..., dict[str, float]]] = {job.__name__: job for job in (settling, stepping, billiards, painting, pymunk, native)}
 
 
 def alone(name: str, threads: int, *arguments: Any) -> dict[str, float]:
     """Runs a job in a process of its own on `threads` cores."""
     cores = sorted(os.sched_getaffinity(0))[-threads:]
     command = [sys.executable, "-m", "taichi_sand.study.bench", "--job", json.dumps([name, list(arguments)])]
-    done = subprocess.run(command, capture_output=True, text=True, preexec_fn=lambda: os.sched_setaffinity(0, cores))
+    done = subprocess.run(command, capture_output=True, text=True, check=False, preexec_fn=lambda: os.sched_setaffinity(0, cores))
     if done.returncode:
         raise SystemExit(done.stderr.strip() or f"{name} failed")
     return json.loads(done.stdout.splitlines()[-1])
@@ -142,15 +140,9 @@ def rigid_table(runs: int, count: int, ladder: tuple[float, ...], peers: dict[st
     jobs: dict[str, tuple] = {f"{x}": (1, "settling", count, [f"solver.tolerance={x}"]) for x in ladder}
     found = medians(runs, {**jobs, **peers})
     ours = [found[key] for key in jobs]
-    table = Table(
-        "rigid, settle", "CPU s per s", "mean overlap / d", "ours at that overlap", "ratio", title=f"{count} grains, one thread"
-    )
+    table = Table("rigid, settle", "CPU s per s", "mean overlap / d", "ours at that overlap", "ratio", title=f"{count} grains, one thread")
     for key, row in found.items():
-        cells = (
-            ["", ""]
-            if key in jobs
-            else [f"{cost_at(row['overlap'], ours):.3f}", f"{row['cost'] / cost_at(row['overlap'], ours):.1f}×"]
-        )
+        cells = ["", ""] if key in jobs else [f"{cost_at(row['overlap'], ours):.3f}", f"{row['cost'] / cost_at(row['overlap'], ours):.1f}×"]
         table.add_row(f"tolerance {key}" if key in jobs else key, f"{row['cost']:.3f}", f"{row['overlap']:.4f}", *cells)
     return table
 

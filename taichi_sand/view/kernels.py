@@ -103,9 +103,7 @@ def list_disc(k, i, x, y, r, angle, width, height, discs: ti.template(), owner: 
 
 
 @ti.kernel
-def place_discs(
-    w: ti.template(), scale: ti.f32, width: ti.i32, height: ti.i32, discs: Rows, owner: Integers, bands: Spans
-) -> ti.i32:
+def place_discs(w: ti.template(), scale: ti.f32, width: ti.i32, height: ti.i32, discs: Rows, owner: Integers, bands: Spans) -> ti.i32:
     """Lists the discs that can be seen: x, y, radius, angle; which grain each shows; for each band of columns the first one and
     the one after the last. A grain that reaches over a periodic edge is listed on both sides. Returns the number of discs.
     """
@@ -130,9 +128,7 @@ def place_discs(
 
 
 @ti.kernel
-def paint_discs(
-    canvas: Packed, width: ti.i32, height: ti.i32, discs: Rows, owner: Integers, bands: Spans, colours: Packed, spokes: ti.i32
-):
+def paint_discs(canvas: Packed, width: ti.i32, height: ti.i32, discs: Rows, owner: Integers, bands: Spans, colours: Packed, spokes: ti.i32):
     """Paints the discs listed, those with an angle with a spoke, if `spokes` is 1."""
     ti.loop_config(block_dim=1)
     for s in range(BANDS):

@@ -143,4 +143,3 @@ def read_grains(world: World) -> dict[str, np.ndarray]:
     table["spin"] = table["twist"][:, 2].astype(np.float64)
     table["angle"] = exact["angle"] + exact["turn"]
     return table
-

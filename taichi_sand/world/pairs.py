@@ -8,7 +8,7 @@ import taichi as ti
 
 from taichi_sand.world.flags import PAIRS_FULL, WALL_PAIRS_FULL, flag
 from taichi_sand.world.geometry import distance_to_second, velocity, wall_row
-from taichi_sand.world.grid import anchor, cell_of, lay_cells, outside, permute, follow, sort
+from taichi_sand.world.grid import anchor, cell_of, follow, lay_cells, outside, permute, sort
 from taichi_sand.world.memory import carry, remember, remember_wall
 from taichi_sand.world.tables import FAR, LANES, PAIRS_PER_GRAIN, STRIPS, WALL_PAIRS_PER_GRAIN
 

@@ -41,8 +41,9 @@ def going(w: ti.template()):
 
 @ti.func
 def sweep(w: ti.template(), pair: ti.template(), grain: ti.template(), s: ti.template(), c: ti.template(), when: ti.template()):
-    """The functions pair = (f, …), f(w, s, c, row, wall), on all pairs, then grain(w, s, c, start, end) on all grains, where when(w) holds. To be called at the
-    top level of a kernel (its loops are then the parallel ones), or, for the layout "one", inside a serial loop.
+    """The functions pair = (f, …), f(w, s, c, row, wall), on all pairs, then grain(w, s, c, start, end) on all grains, if when(w).
+
+    To be called at the top level of a kernel (its loops are then the parallel ones), or, for the layout "one", inside a serial loop.
     """
     if ti.static(w.layout == "one"):
         if when(w):
@@ -56,9 +57,7 @@ def sweep(w: ti.template(), pair: ti.template(), grain: ti.template(), s: ti.tem
 
 
 @ti.func
-def sweep_strips(
-    w: ti.template(), pair: ti.template(), grain: ti.template(), s: ti.template(), c: ti.template(), when: ti.template()
-):
+def sweep_strips(w: ti.template(), pair: ti.template(), grain: ti.template(), s: ti.template(), c: ti.template(), when: ti.template()):
     """A strip's pairs reach into its own grains and the next strip's: after the even strips, an odd strip completes its own grains
     and those of the even strip that follows it, so that the grain function needs no loop of its own.
     """

@@ -18,7 +18,7 @@ import taichi as ti
 STRIPS = 64
 """Most strips of columns that one sweep is cut into, when it is cut into strips at all; even."""
 PAIRS_PER_GRAIN = 6
-"""Room in the pair table per grain: equal discs have 3 neighbours each (a pair is listed once), the rest is for the skin and small grains."""
+"""Room in the pair table per grain: equal discs have 3 pairs each (a pair is listed once), the rest is for the skin and small grains."""
 WALL_PAIRS_PER_GRAIN = 3
 LANES = 8
 """A block's grains are dealt into this many runs, and its pairs are stored one of each run in turn: consecutive rows then share no
@@ -160,8 +160,8 @@ def allocate_grains(real: Any, rows: int) -> Grains:
 
 
 def allocate_pairs(real: Any, capacity: int, half: int, extra: int, keep_force: bool) -> Pairs:
-    """Empty pair table of two halves for `capacity` grains, with `extra` further columns that follow a pair from search to search; the force is
-    one of them if `keep_force`.
+    """Empty pair table of two halves for `capacity` grains, with `extra` further columns that follow a pair from search to search;
+    the force is one of them if `keep_force`.
     """
     wall_half = WALL_PAIRS_PER_GRAIN * capacity
     rows = 2 * half

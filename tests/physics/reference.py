@@ -36,9 +36,7 @@ def impact(mass: float, speed: float, k_r: float, k_d: float = 0.0, alpha: float
     return {"e": -float(done.y[1, -1]), "depth": depth * float(done.y[0].max()), "time": unit * float(done.t[-1])}
 
 
-def hard_impact(
-    v_n: float, v_s: float, mu: float, e: float, weight: float, turning: float, beta0: float = 0.0
-) -> tuple[float, float]:
+def hard_impact(v_n: float, v_s: float, mu: float, e: float, weight: float, turning: float, beta0: float = 0.0) -> tuple[float, float]:
     """Normal and tangential impulse of Walton's hard impact (A4), both as they act on the striker, along the normal and the tangent.
 
     v_n: speed of approach, v_s: slip of the contact points, weight: 1/m_i + 1/m_j, turning: R_i^2/I_i + R_j^2/I_j, beta0: tangential
@@ -65,12 +63,13 @@ def spring_impact(
         f_n = max(0.0, law["k_r"] * z ** law["beta"] + law["k_d"] * z ** law["alpha"] * dz) if z > 0 else 0.0
         k_t = shear[0] * law["k_r"] * max(z, 1e-15) ** (law["beta"] - 1)
         c_t = shear[1] * law["k_d"] * max(z, 1e-15) ** law["alpha"]
-        v_s = slip + turn * r
+        arm = r - max(z, 0.0)  # to the wall, not to the undeformed rim: so angular momentum about the contact is kept (A15)
+        v_s = slip + turn * arm
         f_t = float(np.clip(-k_t * (xi + v_s * h) - c_t * v_s, -mu * f_n, mu * f_n))
         xi = -(f_t + c_t * v_s) / k_t
         dz -= f_n / m * h
         slip += f_t / m * h
-        turn += f_t * r / (0.5 * m * r * r) * h
+        turn += f_t * arm / (0.5 * m * r * r) * h
         z += dz * h
         if z <= 0:
             return np.array([-dz, slip, turn])

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import taichi as ti
-from helpers import INERTIA, K, M, OPEN, D, Disc, G, R, perp, simulate, unit
+from helpers import INERTIA, OPEN, D, Disc, G, K, M, R, perp, simulate, unit
 from reference import slip_on_disc
 
 T_C = math.pi * math.sqrt(M / 2 / K)
@@ -14,7 +14,14 @@ K_SOFT = 2e6
 T_SOFT = math.pi * math.sqrt(M / 2 / K_SOFT)
 SOLVERS = {
     "linear": {"kind": "md", "law": "linear", "k_r": K_SOFT, "restitution": 0.3, "step": T_SOFT / 30},
-    "hertz": {"kind": "md", "law": "hertz", "k_r": M * G / (1e-4 * D) ** 1.5, "restitution": 0.3, "step": T_SOFT / 30},
+    "hertz": {
+        "kind": "md",
+        "law": "hertz",
+        "k_r": M * G / (1e-4 * D) ** 1.5,
+        "restitution": 0.3,
+        "tolerance": 1e-3,
+        "step": T_SOFT / 60,
+    },
     "rigid": {"kind": "rigid", "restitution": 0.0, "step": 5e-4, "tolerance": 0.001},
 }
 SIZE = (1.0, 1.0)
@@ -75,7 +82,8 @@ def test_spin_drop_on_disc(name: str, turn: float) -> None:
     base = np.array([0.1, 0.1])
     dent = 0.0 if name == "rigid" else 1e-4 * D
     discs = [Disc(*base, fixed=True), Disc(*(base + (D - dent) * normal), spin=-200.0)]
-    sim = simulate(discs, (0.2, 0.2), SOLVERS[name], gravity=(-G * normal).tolist(), mu=0.3)
+    solver = {**SOLVERS[name], "step": min(SOLVERS[name]["step"], time / 400)}  # place is first order in the step
+    sim = simulate(discs, (0.2, 0.2), solver, gravity=(-G * normal).tolist(), mu=0.3)
     sim.advance(time)
     place, speed, spin = slip_on_disc(-200.0, 0.3, R, R, G, time)
     arm = sim.positions[1] - sim.positions[0]
@@ -116,31 +124,29 @@ def marker_slip(before: dict, after: dict, h: float) -> tuple[float, np.ndarray]
 
 @pytest.mark.parametrize("model", ["sign", "viscous", "spring", "rigid"])
 def test_friction_power(model: str) -> None:
-    """A6: friction takes energy in every step, with the slip measured by markers fixed to the bodies; a spring may give back what it
-    took, never more. The friction is measured too: from the change of the velocities along the tangent.
+    """A6: friction takes energy in every step; a spring may give back what it took, never more.
+
+    Measured from outside: the slip by markers fixed to the bodies, in the step before the force; the force by the change of the velocities.
     """
     rigid = model == "rigid"
-    solver = {"kind": "rigid", "step": 1e-5, "restitution": 0.5} if rigid else {
-        "kind": "md", "law": "linear", "k_r": K, "restitution": 0.5, "step": T_C / 100}  # fmt: skip
-    normal = unit(17)
-    middle = np.array([0.05, 0.05])
-    start = [middle - (R + 1e-6) * normal, middle + (R + 1e-6) * normal]
+    md = {"kind": "md", "law": "linear", "k_r": K, "restitution": 0.5, "step": T_C / 100}
+    solver = {"kind": "rigid", "step": 1e-5, "restitution": 0.5} if rigid else md
+    h, normal, middle = solver["step"], unit(17), np.array([0.05, 0.05])
     push = 0.5 * normal + 0.4 * perp(normal)
+    start = [middle + side * ((R + 1.25 * h) * normal + 2.5 * h * 0.4 * perp(normal)) for side in (-1, 1)]
     discs = [Disc(*start[0], *push, spin=-30.0), Disc(*start[1], *-push, spin=70.0)]
     sim = simulate(discs, (0.1, 0.1), solver, mu=0.3, friction={} if rigid else {"model": model})
-    h, work, powers = solver["step"], 0.0, []
     now = {"x": sim.positions.copy(), "angle": sim.angles.copy(), "v": sim.velocities.copy()}
+    slip, powers = None, []
     for _ in range(150):
         sim.advance_steps(1)
         then, now = now, {"x": sim.positions.copy(), "angle": sim.angles.copy(), "v": sim.velocities.copy()}
-        slip, n = marker_slip(then, now, h)
-        pull = M * (now["v"][1] - then["v"][1]) @ perp(n) / h
-        powers.append(pull * slip)
-        work += pull * slip * h
+        last, (slip, n) = slip, marker_slip(then, now, h)
+        if last is not None:
+            powers.append(M * (now["v"][1] - then["v"][1]) @ perp(n) / h * last)
     scale = max(abs(np.array(powers)))
-    assert scale > 0 and work < 0
+    assert scale > 0 and sum(powers) < -0.9 * scale
     if model != "spring":
-        # The slip is that after the step: where it dies within a step its sign is rounding.
         assert max(powers) < 1e-3 * scale
 
 
@@ -168,50 +174,53 @@ def test_incline(name: str, angle: float) -> None:
 FALL = 15 * math.sqrt(D / G)
 
 
-def pyramid(solver: dict, mu: float, floor: float | None = None, model: str = "spring") -> tuple[float, float]:
-    """Two discs on a line, a third on top, left alone for 15 sqrt(d/g): how far the top sank, in d, and the largest speed, in sqrt(gd)."""
+def pyramid(solver: dict, mu: float, floor: float | None = None, model: str = "spring") -> tuple[float, float, float]:
+    """Two discs on a line, a third on top, left alone for 15 sqrt(d/g).
+
+    Returns how far the top sank in all and in the second half, in d, and the largest speed at the end, in sqrt(gd).
+    """
     wall = {"points": [[0.02, 0.02], [0.18, 0.02]]} | ({} if floor is None else {"friction": floor})
     discs = [Disc(0.1 + x, 0.02 + R + y) for x, y in ((-R, 0), (R, 0), (0, math.sqrt(3) * R))]
     md = solver["kind"] == "md"
-    sim = simulate(
-        discs, (0.2, 0.1), solver, gravity=(0, -G), walls=[wall], edges=OPEN, mu=mu, friction={"model": model} if md else {}
-    )
+    sim = simulate(discs, (0.2, 0.1), solver, gravity=(0, -G), walls=[wall], edges=OPEN, mu=mu, friction={"model": model} if md else {})
+    start = sim.positions[2, 1]
     sim.advance(FALL / 2)
     middle = sim.positions[2, 1]
     sim.advance(FALL / 2)
-    return (middle - sim.positions[2, 1]) / D, float(np.hypot(*sim.velocities.T).max()) / math.sqrt(G * D)
+    end = sim.positions[2, 1]
+    return (start - end) / D, (middle - end) / D, float(np.hypot(*sim.velocities.T).max()) / math.sqrt(G * D)
 
 
-THRESHOLD, FLOOR_THRESHOLD = math.tan(math.radians(15)), 0.0893
-PYRAMID_SOLVERS = {"linear": SOLVERS["linear"], "hertz": SOLVERS["hertz"], "rigid": SOLVERS["rigid"]}
+THRESHOLD = math.tan(math.radians(15))
+FLOOR_THRESHOLD = THRESHOLD / 3  # friction 0.134 W under 1.5 W
 
 
-@pytest.mark.parametrize("name", PYRAMID_SOLVERS)
+@pytest.mark.parametrize("name", SOLVERS)
 def test_pyramid(name: str) -> None:
     """A10: three discs stand if mu > tan 15 degrees and fall below it, bracketed within 5 %; what stands does not move."""
-    sunk, speed = pyramid(PYRAMID_SOLVERS[name], 1.05 * THRESHOLD)
-    assert abs(sunk) < 1e-4 and speed < 1e-4
-    sunk, speed = pyramid(PYRAMID_SOLVERS[name], 0.95 * THRESHOLD)
-    assert sunk > 0.05 and speed > 0.05
+    sunk, crept, speed = pyramid(SOLVERS[name], 1.05 * THRESHOLD)
+    assert sunk < 0.01 and abs(crept) < 1e-4 and speed < 1e-4
+    sunk, _, _ = pyramid(SOLVERS[name], 0.95 * THRESHOLD)
+    assert sunk > 0.05
 
 
-@pytest.mark.parametrize("name", PYRAMID_SOLVERS)
+@pytest.mark.parametrize("name", SOLVERS)
 def test_pyramid_floor(name: str) -> None:
     """A10: with rough discs the floor decides: mu_floor > 0.0893, bracketed within 5 %."""
-    sunk, speed = pyramid(PYRAMID_SOLVERS[name], 0.5, 1.05 * FLOOR_THRESHOLD)
-    assert abs(sunk) < 1e-4 and speed < 1e-4
-    sunk, speed = pyramid(PYRAMID_SOLVERS[name], 0.5, 0.95 * FLOOR_THRESHOLD)
-    assert sunk > 0.05 and speed > 0.05
+    sunk, crept, speed = pyramid(SOLVERS[name], 0.5, 1.05 * FLOOR_THRESHOLD)
+    assert sunk < 0.01 and abs(crept) < 1e-4 and speed < 1e-4
+    sunk, _, _ = pyramid(SOLVERS[name], 0.5, 0.95 * FLOOR_THRESHOLD)
+    assert sunk > 0.05
 
 
 @pytest.mark.parametrize("model", ["sign", "viscous"])
 def test_pyramid_creeps(model: str) -> None:
     """A10: the models without a static state do not stand still, however rough: the student report's piles flattened."""
     stiff = {**SOLVERS["linear"], "k_r": K, "step": T_C / 20}
-    held, _ = pyramid(stiff, 0.5)
-    sunk, speed = pyramid(stiff, 0.5, model=model)
+    _, held, _ = pyramid(stiff, 0.5)
+    _, crept, speed = pyramid(stiff, 0.5, model=model)
     assert speed > 1e-5
-    assert sunk > max(2e-4, 10 * abs(held))
+    assert crept > max(2e-4, 10 * abs(held))
 
 
 def test_inertia_is_that_of_a_disc() -> None:
