@@ -26,14 +26,15 @@ BATCH = 8
 
 @ti.kernel
 def march(w: ti.template(), s: ti.template(), steps: ti.i32):
-    """`steps` steps with all searches they need, in one launch, on one thread (layout "one")."""
+    """`steps` steps with all searches they need, in one launch, on one thread (layout "one"); leaves the pairs of the moment."""
     ti.loop_config(serialize=True)
     for _run in range(1):
-        for _step in range(steps):
+        for k in range(steps + 1):
             if w.pace[None].spent == 1:
                 search(w)
-            s.step(w, s)
-            close_step(w)
+            if k < steps:
+                s.step(w, s)
+                close_step(w)
 
 
 @ti.kernel
@@ -98,11 +99,9 @@ class Simulation:
     def _start_steps(self) -> None:
         pace = self.world.pace
         pace[None].spent, pace[None].step, pace[None].speed_cap = 1, self.step, self.numbers["speed_cap"]
+        if self.world.layout != "one":
+            step_alone(self.world, self.solver)  # only compiles: a step that finds its search spent does nothing
         self._march(0)
-        if self.world.layout != "one":  # compile now what the march launches: a step that finds its search spent does nothing
-            step_alone(self.world, self.solver)
-            search_alone(self.world)
-            ti.sync()
 
     @property
     def step(self) -> float:
@@ -138,9 +137,12 @@ class Simulation:
             ti.sync()
             return
         end = self.steps + count
-        while (done := self.world.pace[None].done) < end:
+        while True:
             if self.world.pace[None].spent:
                 search_alone(self.world)
+            done = self.world.pace[None].done
+            if done == end:
+                break
             for _ in range(min(BATCH, end - done)):
                 step_alone(self.world, self.solver)
 

@@ -155,7 +155,10 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     motion = -velocity(w, i) if ti.static(wall) else velocity(w, j) - velocity(w, i)
     speed = motion.dot(normal)
     carried = pairs.force[p] * c.step
-    if carried.x > 0.0 or speed * c.step + gap < 0.0:
+    due = carried.x > 0.0 or speed * c.step + gap < 0.0
+    if ti.static(not soft):  # faster approaches are left to the impacts of the next step
+        due = carried.x > 0.0 or (speed * c.step + gap < 0.0 and speed >= -c.threshold)
+    if due:
         want = pairs.mass[p] * (speed + at_least(0.0, gap) * c.rate)
         if ti.static(soft):
             if gap < 0.0:

@@ -31,7 +31,7 @@ GIF_FPS, GIF_MOST_FPS = 25, 50
 """Frames a second of a GIF unless told otherwise, and at most: its clock ticks in 1/100 s, and viewers slow down faster ones."""
 ENCODER_THREADS = 2
 """A constant, because it is part of what the encoder writes."""
-X264 = f"-preset veryfast -crf 20 -threads {ENCODER_THREADS} -movflags +faststart".split()
+X264 = f"-preset veryfast -crf 22 -threads {ENCODER_THREADS} -movflags +faststart".split()
 BT709 = "-vf scale=out_color_matrix=bt709:out_range=tv -colorspace bt709 -color_primaries bt709 -color_trc bt709".split()
 LOSSLESS = f"-preset ultrafast -qp 0 -threads {ENCODER_THREADS}".split()
 

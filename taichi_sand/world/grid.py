@@ -21,8 +21,8 @@ class Grid(NamedTuple):
     rows: Any  # cells along y, 0-D i32
     cell_size: Any  # 0-D 2-vector [m]
     flight: Any  # position and velocity of each grain, rounded: enough to tell who is far, shape (capacity,), 4-vectors
-    whole: Any  # scratch, shape (capacity,), i32
-    number: Any  # scratch, shape (capacity,), real
+    whole: Any  # scratch for the whole numbers of a grain, shape (capacity,), i32 5-vectors
+    number: Any  # scratch for the others, 18-vectors
 
 
 def allocate_grid(real: Any, capacity: int, cells: int) -> Grid:
@@ -35,8 +35,8 @@ def allocate_grid(real: Any, capacity: int, cells: int) -> Grid:
         rows=ti.field(ti.i32, ()),
         cell_size=ti.Vector.field(2, real, ()),
         flight=ti.Vector.field(4, real, capacity),
-        whole=ti.field(ti.i32, capacity),
-        number=ti.field(real, capacity),
+        whole=ti.Vector.field(5, ti.i32, capacity),
+        number=ti.Vector.field(18, real, capacity),
     )
 
 
@@ -136,36 +136,24 @@ def sort(w: ti.template()):
 
 @ti.func
 def permute(w: ti.template(), present):
-    """Moves every column of the grain table into the new order."""
-    g = ti.static(w.grains)
-    for column in ti.static((g.offset, g.start_velocity, g.twist, g.mobility, g.wrench)):
-        for k in ti.static(range(column.n)):
-            permute_one(w, present, column.get_scalar_field(k), w.grid.number)
-    for k in ti.static(range(2)):
-        permute_one(w, present, g.site.get_scalar_field(k), w.grid.whole)
-    permute_one(w, present, g.radius, w.grid.number)
-    for column in ti.static((g.id, g.kind)):
-        permute_one(w, present, column, w.grid.whole)
-    if ti.static(w.turns):
-        permute_one(w, present, g.angle, w.grid.number)
-
-
-@ti.func
-def permute_one(w: ti.template(), present, column: ti.template(), scratch: ti.template()):
-    """column[i] becomes what column[source[i]] was."""
-    ti.loop_config(serialize=True)
+    """Moves every row of the grain table, and its cell, into the new order."""
+    grid = ti.static(w.grid)
+    ti.loop_config(serialize=w.layout == "one")
     for i in range(present):
-        scratch[i] = column[w.grid.source[i]]
-    ti.loop_config(serialize=True)
+        g = ti.static(w.grains)
+        k = grid.source[i]
+        o, u, v, m, f = g.offset[k], g.start_velocity[k], g.twist[k], g.mobility[k], g.wrench[k]
+        grid.whole[i] = ti.Vector([g.site[k].x, g.site[k].y, g.id[k], g.kind[k], grid.cell[k]])
+        motion = [o.x, o.y, u.x, u.y, v.x, v.y, v.z, v.w]
+        body = [m.x, m.y, m.z, m.w, f.x, f.y, f.z, f.w, g.radius[k], g.angle[k]]
+        grid.number[i] = ti.Vector(motion + body)
+    ti.loop_config(serialize=w.layout == "one")
     for i in range(present):
-        column[i] = scratch[i]
-
-
-@ti.func
-def follow(w: ti.template()):
-    """Cells and flights in the new order of the grains."""
-    permute_one(w, w.count[None], w.grid.cell, w.grid.whole)
-    ti.loop_config(serialize=True)
-    for i in range(w.count[None]):
-        p, v = position(w, i), velocity(w, i)
-        w.grid.flight[i] = ti.Vector([p.x, p.y, v.x, v.y])
+        g = ti.static(w.grains)
+        n, k = grid.number[i], grid.whole[i]
+        g.site[i], g.id[i], g.kind[i], grid.cell[i] = ti.Vector([k[0], k[1]]), k[2], k[3], k[4]
+        g.offset[i], g.start_velocity[i] = ti.Vector([n[0], n[1]]), ti.Vector([n[2], n[3]])
+        g.twist[i], g.mobility[i] = ti.Vector([n[4], n[5], n[6], n[7]]), ti.Vector([n[8], n[9], n[10], n[11]])
+        g.wrench[i], g.radius[i], g.angle[i] = ti.Vector([n[12], n[13], n[14], n[15]]), n[16], n[17]
+        p = position(w, i)
+        grid.flight[i] = ti.Vector([p.x, p.y, n[4], n[5]])

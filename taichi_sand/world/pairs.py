@@ -8,9 +8,9 @@ import taichi as ti
 
 from taichi_sand.world.flags import PAIRS_FULL, WALL_PAIRS_FULL, flag
 from taichi_sand.world.geometry import distance_to_second, velocity, wall_row
-from taichi_sand.world.grid import anchor, cell_of, follow, lay_cells, outside, permute, sort
+from taichi_sand.world.grid import anchor, cell_of, lay_cells, outside, permute, sort
 from taichi_sand.world.memory import carry, remember, remember_wall
-from taichi_sand.world.tables import FAR, LANES, PAIRS_PER_GRAIN, STRIPS, WALL_PAIRS_PER_GRAIN
+from taichi_sand.world.tables import CHUNK, FAR, LANES, PAIRS_PER_GRAIN, STRIPS, WALL_PAIRS_PER_GRAIN
 
 LEAST_SKIN, MOST_SKIN = 0.04, 0.5
 LEAST_SLACK, MOST_SLACK = 0.10, 2.0
@@ -281,14 +281,13 @@ def search(w: ti.template()):
     assign_cells(w)
     sort(w)
     permute(w, present)
-    follow(w)
     cut_blocks(w)
     if ti.static(w.layout == "one"):
         list_block(w, 0)
     elif ti.static(w.layout == "strips"):
-        ti.loop_config(block_dim=1)
-        for b in range(STRIPS):
-            list_block(w, b)
+        for k in range(STRIPS * CHUNK):
+            if k % CHUNK == 0:
+                list_block(w, k // CHUNK)
     else:
         for b in range(w.grid.columns[None] * w.grid.rows[None]):
             list_block(w, b)

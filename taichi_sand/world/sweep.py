@@ -7,7 +7,7 @@ order. A block is the whole world ("one": a serial loop at the speed of C), a st
 
 import taichi as ti
 
-from taichi_sand.world.tables import STRIPS
+from taichi_sand.world.tables import CHUNK, STRIPS
 
 CELL_COLOURS = 6
 
@@ -57,20 +57,29 @@ def sweep(w: ti.template(), pair: ti.template(), grain: ti.template(), s: ti.tem
 
 
 @ti.func
+def dealt(k):
+    """Strip of one colour that task k works on: threads take halves, quarters, … of the tasks, and get every second, fourth, … strip."""
+    half = ti.static(STRIPS // 4)
+    return k % half * 2 + k // half
+
+
+@ti.func
 def sweep_strips(w: ti.template(), pair: ti.template(), grain: ti.template(), s: ti.template(), c: ti.template(), when: ti.template()):
     """A strip's pairs reach into its own grains and the next strip's: after the even strips, an odd strip completes its own grains
     and those of the even strip that follows it, so that the grain function needs no loop of its own.
     """
-    ti.loop_config(block_dim=1)
-    for b in range(STRIPS // 2):
-        if when(w):
-            sweep_block(w, 2 * b, pair, s, c)
-    ti.loop_config(block_dim=1)
-    for b in range(STRIPS // 2):
-        if when(w):
-            sweep_block(w, 2 * b + 1, pair, s, c)
-            grains_of_block(w, 2 * b + 1, grain, s, c)
-            grains_of_block(w, (2 * b + 2) % STRIPS, grain, s, c)
+    for k in range(STRIPS // 2 * CHUNK):
+        if k % CHUNK == 0:
+            b = 2 * dealt(k // CHUNK)
+            if when(w):
+                sweep_block(w, b, pair, s, c)
+    for k in range(STRIPS // 2 * CHUNK):
+        if k % CHUNK == 0:
+            b = 2 * dealt(k // CHUNK) + 1
+            if when(w):
+                sweep_block(w, b, pair, s, c)
+                grains_of_block(w, b, grain, s, c)
+                grains_of_block(w, (b + 1) % STRIPS, grain, s, c)
 
 
 @ti.func
@@ -89,10 +98,9 @@ def each_grain(w: ti.template(), grain: ti.template(), s: ti.template(), c: ti.t
     if ti.static(w.layout == "one"):
         grains_of_block(w, 0, grain, s, c)
     elif ti.static(w.layout == "strips"):
-        ti.loop_config(block_dim=1)
-        for b in range(STRIPS):
-            if going(w):
-                grains_of_block(w, b, grain, s, c)
+        for k in range(STRIPS * CHUNK):
+            if k % CHUNK == 0 and going(w):
+                grains_of_block(w, k // CHUNK, grain, s, c)
     else:
         for i in range(w.count[None]):
             if going(w):

@@ -17,6 +17,8 @@ import taichi as ti
 
 STRIPS = 64
 """Most strips of columns that one sweep is cut into, when it is cut into strips at all; even."""
+CHUNK = 512
+"""Taichi gives a CPU thread at least so many indices of a parallel loop: a loop over blocks takes steps of CHUNK to be dealt out at all."""
 PAIRS_PER_GRAIN = 6
 """Room in the pair table per grain: equal discs have 3 pairs each (a pair is listed once), the rest is for the skin and small grains."""
 WALL_PAIRS_PER_GRAIN = 3

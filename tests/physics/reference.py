@@ -57,7 +57,7 @@ def spring_impact(
     """
     touch = impact(m, v_n, **law)
     h = touch["time"] / 20000
-    z, dz, slip, turn = 0.0, v_n, v_t, spin
+    z, dz, slip, turn = v_n * h, v_n, v_t, spin
     xi = 0.0
     while True:
         f_n = max(0.0, law["k_r"] * z ** law["beta"] + law["k_d"] * z ** law["alpha"] * dz) if z > 0 else 0.0

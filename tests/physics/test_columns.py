@@ -35,7 +35,7 @@ def test_rigid_bounces() -> None:
 
 
 def test_md_bounces_lower() -> None:
-    """A11: a soft floor gives a lower bounce, as the ODE says, and the loss goes with delta_max / H, as k^(-1/2); e = 1 keeps the height."""
+    """A11: a soft floor gives a lower bounce, as the ODE says; the loss goes with delta_max / H, as k^(-1/2). e = 1 keeps the height."""
     height, losses = 0.05, []
     for k in (K / 400, K / 20, K):
         t_c = math.pi * math.sqrt(M / k)
