@@ -81,12 +81,10 @@ class Simulation:
         modules = {name: effect_modules.module(name) for name in self.effects}
         columns = {name: module.memory(self.effects[name], kind) for name, module in modules.items()}
         turns = any(module.TURNS for module in modules.values()) or bool(np.any(grains.spin))
-        speed = float(np.hypot(*grains.velocity.T).max()) if len(grains.radius) else 0.0
-        gravity = float(np.hypot(*scene.gravity))
         solver = choose(kind)
         extra = solver.MEMORY + sum(columns.values())
         self.world = make_world(scene, grains, extra, solver.KEEP_FORCE, turns, self.arch != "cpu")
-        self.bed = bed_of(grains.radius, grains.mass, grains.fixed, scene.size[0], gravity, speed)
+        self.bed = bed_of(grains, scene.gravity)
         memory = list(self.world.pairs.memory[-extra:]) if extra else []
         own = [memory.pop(0) for _ in range(solver.MEMORY)]
         built = []

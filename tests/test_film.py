@@ -137,7 +137,8 @@ def test_an_interruption_leaves_the_old_film_and_no_leftovers(
 LONG = """
 import sys, taichi_sand as sand
 from taichi_sand.view.film import film
-film(sand.Simulation(sand.Scene(size=(1.0, 0.75), grains=[{"positions": [(0.5, 0.5)], "radius": 0.1}], view={"width": 160})), sys.argv[1], seconds=1e5)
+scene = sand.Scene(size=(1.0, 0.75), grains=[{"positions": [(0.5, 0.5)], "radius": 0.1}], view={"width": 160})
+film(sand.Simulation(scene), sys.argv[1], seconds=1e5)
 """
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from view_world import shift, start_taichi, world_of
 
+from taichi_sand.scene.errors import SandError
 from taichi_sand.view import palette
 from taichi_sand.view.kernels import SHOWN_RADIUS
 from taichi_sand.view.paint import Painter, picture_height
@@ -210,7 +211,7 @@ def test_every_view_paints_an_empty_world_and_one_at_rest(color: str) -> None:
 
 
 def test_unknown_view_is_refused_with_the_names() -> None:
-    with pytest.raises(ValueError, match=r"'sped'; did you mean `speed`.*kind, speed"):
+    with pytest.raises(SandError, match=r"'sped'; did you mean `speed`.*kind, speed"):
         Painter(world_of([], []), (1.0, 1.0), color="sped")
 
 
@@ -233,6 +234,11 @@ def test_canvas_of_a_window_is_painted_in_place() -> None:
 @pytest.mark.parametrize(("size", "width", "height"), [((0.4, 0.8), 720, 1440), ((3.0, 1.0), 100, 34), ((1.0, 1e-6), 100, 2)])
 def test_height_follows_from_the_size_and_is_even(size: tuple[float, float], width: int, height: int) -> None:
     assert picture_height(size, width) == height
+
+
+def test_a_picture_that_no_one_could_look_at_is_refused() -> None:
+    with pytest.raises(SandError, match=r"view\.width: 720 makes the picture 7200000 pixels high"):
+        picture_height((1e-3, 10.0), 720)
 
 
 PICTURES = """

@@ -77,6 +77,7 @@ def block_count(w: ti.template()):
 
 @ti.kernel
 def fill_speed(w: ti.template(), out: Rows):
+    """See `speed`."""
     ti.loop_config(serialize=True)
     for i in range(w.count[None]):
         out[i] = ti.cast(velocity(w, i).norm(), ti.f32)
@@ -84,6 +85,7 @@ def fill_speed(w: ti.template(), out: Rows):
 
 @ti.kernel
 def fill_energy(w: ti.template(), out: Rows):
+    """See `energy`."""
     ti.loop_config(serialize=True)
     for i in range(w.count[None]):
         energy = 0.0
@@ -97,6 +99,7 @@ def fill_energy(w: ti.template(), out: Rows):
 
 @ti.kernel
 def fill_orientation(w: ti.template(), out: Rows):
+    """See `orientation`."""
     ti.loop_config(serialize=True)
     for i in range(w.count[None]):
         out[i] = 0.0
@@ -107,6 +110,7 @@ def fill_orientation(w: ti.template(), out: Rows):
 
 @ti.kernel
 def fill_force(w: ti.template(), out: Rows):
+    """See `force`. Every pair once, in the order of the sweep."""
     ti.loop_config(serialize=True)
     for i in range(w.count[None]):
         out[i] = 0.0
@@ -122,6 +126,7 @@ def fill_force(w: ti.template(), out: Rows):
 
 @ti.kernel
 def force_to_pressure(w: ti.template(), out: Rows):
+    """See `pressure`; `out` holds the forces."""
     ti.loop_config(serialize=True)
     for i in range(w.count[None]):
         out[i] = out[i] / ti.cast(2.0 * ti.math.pi * w.grains.radius[i], ti.f32)
@@ -144,6 +149,7 @@ def fill_places(w: ti.template(), places: Points):
 def fill_order(
     w: ti.template(), places: Points, cell: Integers, members: Integers, start: Integers, columns: ti.i32, rows: ti.i32, out: Rows
 ):
+    """See `order`. Grains are looked up by cell: those of cell c are members[start[c]], … members[start[c + 1] - 1]."""
     ti.loop_config(serialize=True)
     for i in range(w.count[None]):
         total, neighbours = ti.Vector([0.0, 0.0]), 0

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from taichi_sand.scene.packing import Pack
+
 CONTACT_STEPS = 20
 """Steps of molecular dynamics in a collision."""
 STEP_LIMIT = 0.18
@@ -31,6 +33,9 @@ PUSH, IMPACT = 1.0, 0.3
 """Rigid: fastest separation of overlapping grains, and slowest impact, in sqrt(g d) (physics.md D5)."""
 
 
+WINDOW = 16
+
+
 @dataclass(frozen=True)
 class Bed:
     """What the tolerance has to do with: grains and their load."""
@@ -43,14 +48,25 @@ class Bed:
     speed: float  # fastest grain at the start [m/s]
 
 
-def bed_of(radius: np.ndarray, mass: np.ndarray, fixed: np.ndarray, width: float, gravity: float, speed: float) -> Bed:
-    """Bed that the grains will form on a floor `width` [m] wide at packing fraction 0.84; it is at least one grain deep."""
-    free = ~fixed if (~fixed).any() else np.ones_like(fixed)
-    diameter = 2 * float(radius[free].mean())
-    area = math.pi * float((radius[free] ** 2).sum())
-    stacked = float(radius[free].sum() * 2) / diameter
-    depth = min(area / (0.84 * width) / diameter, stacked)
-    return Bed(diameter, float(mass[free].mean()), float(mass[free].min()), max(depth, 1.0), gravity, speed)
+def bed_of(pack: Pack, gravity: tuple[float, float]) -> Bed:
+    """Bed that the grains of `pack` will form where they fall straight down, at packing fraction 0.84.
+
+    Its depth is that of the deepest window of WINDOW diameters across, counting only the parts of it that hold grains: a slender
+    column is as deep as it has grains, a loose lattice as deep as it will be when it has settled.
+    """
+    if not len(pack.radius):
+        return Bed(1.0, 1.0, 1.0, 1.0, float(np.hypot(*gravity)), 0.0)
+    free = ~pack.fixed if (~pack.fixed).any() else np.ones_like(pack.fixed)
+    radius, mass = pack.radius[free], pack.mass[free]
+    diameter = 2 * float(radius.mean())
+    across = pack.position[free, 0 if abs(gravity[1]) >= abs(gravity[0]) else 1]
+    column = np.floor((across - across.min()) / diameter).astype(int)
+    area = np.bincount(column, math.pi * radius**2)
+    ones = np.ones(min(WINDOW, len(area)))
+    deepest = float((np.convolve(area, ones, "valid") / np.maximum(np.convolve(area > 0, ones, "valid"), 1)).max())
+    speed = float(np.hypot(*pack.velocity.T).max())
+    depth = max(deepest / (0.84 * diameter) / diameter, 1.0)
+    return Bed(diameter, float(mass.mean()), float(mass.min()), depth, float(np.hypot(*gravity)), speed)
 
 
 def collision_restitution(zeta: float) -> float:

@@ -118,9 +118,11 @@ class Caption:
             paint_tiles(canvas, self.width, self.height, spans, np.concatenate([tile.ravel() for _, _, tile in laid]))
 
     def _px(self, length: float) -> int:
+        """Whole pixels of a length that is meant for a picture REFERENCE_WIDTH wide."""
         return max(1, round(length * self.size))
 
     def _tile(self, text: str) -> np.ndarray:
+        """Tile of dim text."""
         return text_tile(text, self._px(LINE_SIZE), palette.DIM_TEXT)
 
     def _lines(self, facts: Sequence[str], room: int) -> list[list[str]]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from taichi_sand.scene.errors import SandError
 from taichi_sand.view import kernels, palette
 from taichi_sand.view.views import KIND, PERCENTILE, VIEWS, Range, check_view, quantile
 from taichi_sand.world.tables import World
@@ -16,6 +17,8 @@ CHAIN_WIDTHS = (0.4, 4.6)
 CHAIN_WIDEST_GRAIN = (0.25, 0.9)
 """The widest chains are at least and at most this part of a mean grain's diameter."""
 CHAIN_EXPONENT, CHAIN_PERCENTILE = 0.7, 0.97
+MOST_HEIGHT = 16384
+"""More [px] no encoder takes."""
 SPOKED = (KIND, "rotation")
 """Views in which a spoke shows how a grain is turned; in the others it would be in the way."""
 LINES_PER_GRAIN = 6
@@ -34,7 +37,10 @@ class Legend:
 
 def picture_height(size_m: Sequence[float], width: int) -> int:
     """Height [px] of a picture `width` wide of a box of this size [m]; even, as films want it."""
-    return max(2, 2 * round(0.5 * width * size_m[1] / size_m[0]))
+    height = max(2, 2 * round(0.5 * width * size_m[1] / size_m[0]))
+    if height > MOST_HEIGHT:
+        raise SandError(f"view.width: {width} makes the picture {height} pixels high; at most {MOST_HEIGHT} are possible", "view.width")
+    return height
 
 
 def sand_tones(kinds: int) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_sand.measure import structure
-from taichi_sand.scene.errors import suggest
+from taichi_sand.scene.errors import SandError, suggest
 from taichi_sand.view import palette
 from taichi_sand.world.tables import World
 
@@ -42,7 +42,7 @@ def check_view(color: str) -> None:
     """Refuses a name that is no view, and says which there are."""
     if color != KIND and color not in VIEWS:
         names = [KIND, *VIEWS]
-        raise ValueError(f"there is no view '{color}'{suggest(color, names)}; there are {', '.join(names)}")
+        raise SandError(f"there is no view '{color}'{suggest(color, names)}; there are {', '.join(names)}")
 
 
 def quantile(values: np.ndarray, share: float) -> float:

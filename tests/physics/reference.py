@@ -65,8 +65,9 @@ def spring_impact(
         c_t = shear[1] * law["k_d"] * max(z, 1e-15) ** law["alpha"]
         arm = r - max(z, 0.0)  # to the wall, not to the undeformed rim: so angular momentum about the contact is kept (A15)
         v_s = slip + turn * arm
-        f_t = float(np.clip(-k_t * (xi + v_s * h) - c_t * v_s, -mu * f_n, mu * f_n))
-        xi = -(f_t + c_t * v_s) / k_t
+        pull = float(np.clip(-k_t * (xi + v_s * h), -mu * f_n, mu * f_n))
+        f_t = float(np.clip(pull - c_t * v_s, -mu * f_n, mu * f_n))
+        xi = -pull / k_t  # the spring alone slides at the bound: else a dashpot at the bound would stretch it backwards
         dz -= f_n / m * h
         slip += f_t / m * h
         turn += f_t * arm / (0.5 * m * r * r) * h

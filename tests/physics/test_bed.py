@@ -25,7 +25,7 @@ def test_frictionless_bed_gives_its_weight(kind: str) -> None:
     assert sim.flags() == []
 
 
-BOXES, WIDTH, HEIGHT = 5, 22 * D, 60 * D
+BOXES, WIDTH, HEIGHT = 5, 22.4 * D, 60 * D
 
 
 def pour(radii: tuple[float, ...], slowly: bool) -> list[dict[str, float]]:
