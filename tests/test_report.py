@@ -78,7 +78,7 @@ def test_report_agrees_with_the_state(settled) -> None:
     assert (overlaps > 1e-6).sum() <= report["contacts"] <= (overlaps > -1e-6).sum()  # f32: some just touch
     assert report["pairs"] >= report["contacts"]
     assert report["overlap_max"] == pytest.approx(touching.max(), rel=1e-3)
-    assert report["overlap_mean"] == pytest.approx(touching.mean(), rel=5e-3)
+    assert report["overlap_mean"] * report["contacts"] == pytest.approx(touching.sum(), rel=2e-3)
     assert report["overlap_p99"] == pytest.approx(np.percentile(touching, 99), rel=1e-2)
 
 

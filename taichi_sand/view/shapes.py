@@ -29,10 +29,11 @@ def weight(share):
 @ti.func
 def lighter(colour, factor):
     """Colour with every channel times `factor`, at most 255."""
-    red = ti.min(255.0, ti.cast((colour >> ti.u32(16)) & ti.u32(255), ti.f32) * factor)
-    green = ti.min(255.0, ti.cast((colour >> ti.u32(8)) & ti.u32(255), ti.f32) * factor)
-    blue = ti.min(255.0, ti.cast(colour & ti.u32(255), ti.f32) * factor)
-    return (ti.cast(red, ti.u32) << ti.u32(16)) | (ti.cast(green, ti.u32) << ti.u32(8)) | ti.cast(blue, ti.u32)
+    lit = ti.u32(0)
+    for shift in ti.static((16, 8, 0)):
+        channel = ti.cast((colour >> ti.u32(shift)) & ti.u32(255), ti.f32) * factor + 0.5
+        lit |= ti.cast(ti.min(255.0, channel), ti.u32) << ti.u32(shift)
+    return lit
 
 
 @ti.func

@@ -46,8 +46,24 @@ def check_periodic(scene: Any, largest: float, periodic: tuple[bool, bool]) -> N
             raise scene.error("size", f"a box periodic along {axis} must be at least 5 of its largest grains long")
 
 
+def plan_cells(size: tuple[float, float], largest: float, capacity: int) -> tuple[float, int]:
+    """Smallest width of a cell [m], and how many cells that makes at most."""
+    width = largest * (1 + LEAST_SKIN + LEAST_SLACK)
+    cells = math.floor(size[0] / width + 1) * math.floor(size[1] / width + 1)
+    most = CELLS_PER_GRAIN * capacity + 4096
+    return (width * 1.01 * math.sqrt(cells / most), most) if cells > most else (width, cells)
+
+
+def lay_walls(scene: Any, spacing: tuple[float, float], sites: tuple[int, int], reach: float, real: Any) -> Any:
+    """Edges and walls of `scene`, felt up to `reach` [m] from a centre."""
+    parts = edge_parts(scene.size, [getattr(scene.edges, side) == "wall" for side in SIDES])
+    for wall in scene.walls:
+        parts += polyline_parts(np.array(wall.points), wall.closed)
+    return build_walls(parts, spacing, sites, reach, real)
+
+
 def make_world(scene: Any, pack: Pack, extra: int, keep_force: bool, turns: bool, gpu: bool) -> World:
-    """World of `scene` with the grains of `pack`; `extra` columns of the pair table follow a pair, the force too if `keep_force`.
+    """World of `scene` with room for the grains of `pack`; `extra` columns of the pair table follow a pair, the force too if `keep_force`.
 
     Raises:
         SandError: the scene cannot be laid out.
@@ -61,16 +77,9 @@ def make_world(scene: Any, pack: Pack, extra: int, keep_force: bool, turns: bool
     periodic = (edges[0] == "periodic", edges[2] == "periodic")
     check_periodic(scene, largest, periodic)
     spacing, sites = lay_lattice(scene.size, diameter, capacity)
-    parts = edge_parts(scene.size, [edge == "wall" for edge in edges])
-    for wall in scene.walls:
-        parts += polyline_parts(np.array(wall.points), wall.closed)
-    least_cell = largest * (1 + LEAST_SKIN + LEAST_SLACK)
-    cells = math.floor(scene.size[0] / least_cell + 1) * math.floor(scene.size[1] / least_cell + 1)
-    most_cells = CELLS_PER_GRAIN * capacity + 4096
-    if cells > most_cells:
-        least_cell *= 1.01 * math.sqrt(cells / most_cells)
+    least_cell, cells = plan_cells(scene.size, largest, capacity)
     layout = "cells" if gpu else "strips" if count >= STRIPS_FROM else "one"
-    room = round_up(min(cells, most_cells) + 1)
+    room = round_up(cells + 1)
     blocks = {"one": 1, "strips": STRIPS, "cells": room}[layout]
     wall_half = WALL_PAIRS_PER_GRAIN * capacity
     wall_base = PAIRS_PER_GRAIN * (capacity + LANES * min(blocks, STRIPS))
@@ -79,7 +88,7 @@ def make_world(scene: Any, pack: Pack, extra: int, keep_force: bool, turns: bool
         pairs=allocate_pairs(real, capacity, wall_base + wall_half, extra, keep_force),
         blocks=allocate_blocks(blocks),
         grid=allocate_grid(real, capacity, room),
-        walls=build_walls(parts, spacing, sites, largest / 2 + MOST_REACH * diameter, real),
+        walls=lay_walls(scene, spacing, sites, largest / 2 + MOST_REACH * diameter, real),
         pace=pace_type(real).field(shape=()),
         flags=flags.allocate(),
         count=ti.field(ti.i32, ()),
@@ -94,15 +103,8 @@ def make_world(scene: Any, pack: Pack, extra: int, keep_force: bool, turns: bool
         layout=layout,
         real=real,
     )
-    world.box[None] = {
-        "size": scene.size,
-        "spacing": spacing,
-        "sites": sites,
-        "gravity": scene.gravity,
-        "diameter": diameter,
-        "largest": largest,
-        "least_cell": least_cell,
-    }
+    numbers = {"spacing": spacing, "sites": sites, "diameter": diameter, "largest": largest, "least_cell": least_cell}
+    world.box[None] = {"size": scene.size, "gravity": scene.gravity, **numbers}
     return world
 
 
@@ -124,7 +126,8 @@ def fill(world: World, pack: Pack) -> None:
     }
     for name, values in columns.items():
         field = getattr(g, name)
-        whole = np.zeros((world.capacity, *values.shape[1:]), dtype=field.to_numpy().dtype)
+        kind = {ti.i32: np.int32, ti.f32: np.float32, ti.f64: np.float64}[field.dtype]
+        whole = np.zeros((world.capacity, *values.shape[1:]), kind)
         whole[:count] = values
         field.from_numpy(whole)
     world.count[None] = count

@@ -21,7 +21,7 @@ steps: their sum is least for a skin that goes with the root of u (measured: a s
 STEPS_AHEAD = 8
 """Steps the search tries to foresee; more cost larger cells."""
 MOST_REACH = 2 * MOST_SLACK + MOST_SKIN
-"""How far from its surface a grain may have to know of a wall, in mean diameters."""
+"""How far from its surface a grain may have to know of a wall, in mean diameters: it flies at most 2 MOST_SLACK in the horizon."""
 
 
 @ti.func
@@ -40,7 +40,8 @@ def foresee(w: ti.template()):
     skin = ti.min(ti.max(ti.sqrt(SKIN * approach / d), LEAST_SKIN), MOST_SKIN) * d
     slack = ti.min(ti.max(STEPS_AHEAD * approach, LEAST_SLACK * d), MOST_SLACK * d)
     pace.skin = skin
-    pace.horizon = slack / (approach + 1e-20) * pace.step
+    fastest = ti.max(ti.abs(low), ti.abs(high)).norm() * pace.step
+    pace.horizon = ti.min(slack / (approach + 1e-20), 2.0 * MOST_SLACK * d / (fastest + 1e-20)) * pace.step
     pace.since, pace.off_path, pace.spent = 0, 0.0, 0
     pace.searches += 1
     pace.impacts = 1
