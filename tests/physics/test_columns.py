@@ -17,7 +17,10 @@ def apex(sim, below: float) -> float:
 
 
 def test_rigid_bounces() -> None:
-    """A11: every bounce keeps e^2 of the height, to 1 %, down to the restitution threshold 0.3 sqrt(g d)."""
+    """A11: every bounce keeps e^2 of the height, to 1 %, down to the restitution threshold 0.3 sqrt(g d).
+
+    An impact is answered up to v h above the floor: the step has to be small against H / v of the last bounces.
+    """
     e, height = 0.8, 0.1
     solver = {"kind": "rigid", "restitution": e, "step": 2e-5}
     sim = simulate([Disc(0.05, R + height)], (0.1, 0.2), solver, gravity=(0, -G))
