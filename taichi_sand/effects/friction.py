@@ -48,10 +48,10 @@ class Friction:
         bound = self.live[None].mu * normal_force
         force = 0.0
         if ti.static(self.model == "spring"):
-            k, resist = SPRING * stiffness, SPRING_DASHPOT * dashpot * slip
-            trial = -k * (self.spring[p] + slip * c.step) - resist
-            force = within(bound, trial)
-            self.spring[p] = -(force + resist) / k
+            k = SPRING * stiffness
+            pull = within(bound, -k * (self.spring[p] + slip * c.step))
+            self.spring[p] = -pull / k  # the spring alone slides at the bound: the dashpot must not stretch it backwards
+            force = within(bound, pull - SPRING_DASHPOT * dashpot * slip)
         elif ti.static(self.model == "viscous"):
             force = within(bound, -VISCOUS * ti.sqrt(stiffness) * w.pairs.root_mass[p] * slip)
         else:
