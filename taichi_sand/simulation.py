@@ -15,7 +15,7 @@ from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers import choose
 from taichi_sand.solvers.tolerance import bed_of
 from taichi_sand.world import checkpoint, device
-from taichi_sand.world.build import fill, make_world, read_grains
+from taichi_sand.world.build import check_periodic, fill, make_world, read_grains
 from taichi_sand.world.flags import sentences
 from taichi_sand.world.motion import close_step
 from taichi_sand.world.pairs import search
@@ -69,6 +69,7 @@ class Simulation:
             device.start(self, arch, threads, scene.solver.precision)
             self.effects = effect_modules.check(scene)
             grains = pack(scene)
+            check_periodic(scene, grains.radius)
             self._lay(grains)
             fill(self.world, grains)
             self.made = len(grains.radius)
@@ -83,7 +84,8 @@ class Simulation:
         turns = any(module.TURNS for module in modules.values()) or bool(np.any(grains.spin))
         solver = choose(kind)
         extra = solver.MEMORY + sum(columns.values())
-        self.world = make_world(scene, grains, extra, solver.KEEP_FORCE, turns, self.arch != "cpu")
+        self.world = make_world(scene, grains, extra, turns, self.arch != "cpu")
+        device.count_room(self.world.capacity)
         self.bed = bed_of(grains, scene.gravity)
         memory = list(self.world.pairs.memory[-extra:]) if extra else []
         own = [memory.pop(0) for _ in range(solver.MEMORY)]

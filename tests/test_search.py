@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from helpers import PERIODIC, D, R, listed, simulate
 
+from taichi_sand import SandError
+
 SIZE = (0.4, 0.3)
 
 
@@ -120,3 +122,37 @@ def test_overfull_pair_table_says_so() -> None:
     sim = simulate([{"positions": rows}], SIZE, {"kind": "rigid"})
     sim.advance_steps(3)
     assert any("overflow" in flag for flag in sim.flags())
+
+
+def pair_forces(sim) -> dict[tuple[int, int], tuple[float, float]]:
+    """Normal and tangential force of every pair of discs that carries one, by the ids of its discs."""
+    w = sim.world
+    rows = slice(w.blocks.pair_start[0], w.blocks.pair_end[0])
+    ids, force = w.grains.id.to_numpy(), w.pairs.force.to_numpy()[rows]
+    ends = np.sort(ids[np.stack([w.pairs.first.to_numpy()[rows], w.pairs.second.to_numpy()[rows]], 1)], axis=1)
+    return {(int(a), int(b)): (float(n), float(t)) for (a, b), (n, t) in zip(ends, force, strict=True) if n > 0}
+
+
+@pytest.mark.parametrize("kind", ["md", "rigid"])
+def test_forces_follow_their_pairs(kind: str) -> None:
+    """A search between two steps changes no pair's force: what is reported and drawn is what the pairs carried."""
+    random = np.random.default_rng(8)
+    places = np.stack(np.meshgrid(np.arange(12) + 0.6, np.arange(12) + 0.6), -1).reshape(-1, 2) * 1.05 * D
+    rows = [[*p, R * random.uniform(0.8, 1.0), *random.uniform(-0.2, 0.2, 2)] for p in places]
+    sim = simulate([{"positions": rows}], SIZE, {"kind": kind}, gravity=(0, -9.81), mu=0.3)
+    searches = 0
+    for _ in range(6):
+        sim.advance(0.05)
+        before = pair_forces(sim)
+        assert len(before) > 20
+        sim.world.pace[None].spent = 1
+        sim.advance_steps(0)
+        assert pair_forces(sim) == before
+        searches += 1
+    assert sim.world.pace[None].searches > searches
+
+
+def test_short_periodic_box_is_refused() -> None:
+    """Where the widest cells fit less than three times, two discs would be neighbours twice: refused, with the length needed."""
+    with pytest.raises(SandError, match="too short for a box periodic along x"):
+        simulate([{"positions": [[0.02, 0.02, R, 0, 0]]}], (0.04, 0.3), {"kind": "rigid"}, edges={"left": "periodic", "right": "periodic"})

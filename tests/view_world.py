@@ -58,7 +58,7 @@ def world_of(
     )
     edge = ["periodic" if around else "wall" for around in periodic]
     edges = {"left": edge[0], "right": edge[0], "bottom": edge[1], "top": edge[1]}
-    world = make_world(Scene(size=size, edges=edges), pack, 0, False, angle is not None or spin is not None, False)
+    world = make_world(Scene(size=size, edges=edges), pack, 0, angle is not None or spin is not None, False)
     fill(world, pack)
     put_pairs(world, pack, sorted(pairs), sorted(wall_pairs, key=lambda row: row[0]), np.array(size), np.where(periodic, size, 0.0))
     return world

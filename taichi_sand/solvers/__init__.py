@@ -1,6 +1,6 @@
 """How contacts are resolved: `md` and `rigid`, one module each; only the one that a scene names is imported.
 
-A module declares MEMORY, the columns that follow a pair which it needs itself; KEEP_FORCE, whether the force of a pair is one more;
+A module declares MEMORY, the columns that follow a pair which it needs itself;
 numbers(scene, bed), what the tolerance makes of the scene; and build(...), the solver as kernels see it, with its ti.func `step`.
 """
 

@@ -17,7 +17,6 @@ from taichi_sand.world.sweep import going, sweep
 from taichi_sand.world.tables import fill_struct
 
 MEMORY = 0
-KEEP_FORCE = False
 INTEGRATORS = {"symplectic_euler": symplectic_euler}
 
 

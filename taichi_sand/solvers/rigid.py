@@ -19,7 +19,6 @@ from taichi_sand.world.sweep import each_grain, going, nothing, sweep
 from taichi_sand.world.tables import fill_struct
 
 MEMORY = 1
-KEEP_FORCE = True
 REFERENCE_SHARE = 0.8
 """The reference takes over this share of the carried impulse at most: the sag falls to the rest of it, and the soft contact keeps
 enough of the load to damp. With 0.95 piles 45 grains deep shake."""

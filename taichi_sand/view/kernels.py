@@ -9,6 +9,7 @@ import taichi as ti
 from taichi_sand.measure.structure import block_count
 from taichi_sand.view.shapes import disc, lighter, line, mix
 from taichi_sand.world.geometry import movable, position
+from taichi_sand.world.tables import CHUNK
 
 BANDS = 16
 """Columns of the picture are painted in so many bands. A constant: a run-time range as short as this would run on one thread."""
@@ -130,20 +131,21 @@ def place_discs(w: ti.template(), scale: ti.f32, width: ti.i32, height: ti.i32, 
 @ti.kernel
 def paint_discs(canvas: Packed, width: ti.i32, height: ti.i32, discs: Rows, owner: Integers, bands: Spans, colours: Packed, spokes: ti.i32):
     """Paints the discs listed, those with an angle with a spoke, if `spokes` is 1."""
-    ti.loop_config(block_dim=1)
-    for s in range(BANDS):
-        x0, x1 = s * width // BANDS, (s + 1) * width // BANDS
-        for k in range(bands[s, 0], bands[s, 1]):
-            x, y, r, angle = discs[k, 0], discs[k, 1], discs[k, 2], discs[k, 3]
-            if x + r + 1.0 > x0 and x - r - 1.0 < x1:
-                colour = colours[owner[k]]
-                disc(canvas, width, height, x0, x1, x, y, r, colour)
-                if spokes == 1 and angle < NO_SPOKE and r > SPOKE_RADII[0]:
-                    shown = ti.min(1.0, (r - SPOKE_RADII[0]) / (SPOKE_RADII[1] - SPOKE_RADII[0]))
-                    dark = lighter(colour, 1.0 - (1.0 - SPOKE_LIGHTNESS) * shown)
-                    tip = (SPOKE_LENGTH - 0.5 * SPOKE_WIDTH) * r
-                    tip_x, tip_y = x + tip * ti.cos(angle), y - tip * ti.sin(angle)
-                    line(canvas, width, height, x0, x1, x, y, tip_x, tip_y, SPOKE_WIDTH * r, dark)
+    for task in range(BANDS * CHUNK):
+        if task % CHUNK == 0:
+            s = task // CHUNK
+            x0, x1 = s * width // BANDS, (s + 1) * width // BANDS
+            for k in range(bands[s, 0], bands[s, 1]):
+                x, y, r, angle = discs[k, 0], discs[k, 1], discs[k, 2], discs[k, 3]
+                if x + r + 1.0 > x0 and x - r - 1.0 < x1:
+                    colour = colours[owner[k]]
+                    disc(canvas, width, height, x0, x1, x, y, r, colour)
+                    if spokes == 1 and angle < NO_SPOKE and r > SPOKE_RADII[0]:
+                        shown = ti.min(1.0, (r - SPOKE_RADII[0]) / (SPOKE_RADII[1] - SPOKE_RADII[0]))
+                        dark = lighter(colour, 1.0 - (1.0 - SPOKE_LIGHTNESS) * shown)
+                        tip = (SPOKE_LENGTH - 0.5 * SPOKE_WIDTH) * r
+                        tip_x, tip_y = x + tip * ti.cos(angle), y - tip * ti.sin(angle)
+                        line(canvas, width, height, x0, x1, x, y, tip_x, tip_y, SPOKE_WIDTH * r, dark)
 
 
 @ti.func
@@ -191,14 +193,15 @@ def list_force(w: ti.template(), p, scale, height, lines: ti.template(), forces:
 @ti.kernel
 def paint_lines(canvas: Packed, width: ti.i32, height: ti.i32, lines: Rows, thickness: Numbers, colours: Packed):
     """Paints lines (x, y, x, y), the last on top."""
-    ti.loop_config(block_dim=1)
-    for s in range(BANDS):
-        x0, x1 = s * width // BANDS, (s + 1) * width // BANDS
-        for k in range(colours.shape[0]):
-            ax, ay, bx, by = lines[k, 0], lines[k, 1], lines[k, 2], lines[k, 3]
-            pad = 0.5 * thickness[k] + 1.0
-            if ti.max(ax, bx) + pad > x0 and ti.min(ax, bx) - pad < x1:
-                line(canvas, width, height, x0, x1, ax, ay, bx, by, thickness[k], colours[k])
+    for task in range(BANDS * CHUNK):
+        if task % CHUNK == 0:
+            s = task // CHUNK
+            x0, x1 = s * width // BANDS, (s + 1) * width // BANDS
+            for k in range(colours.shape[0]):
+                ax, ay, bx, by = lines[k, 0], lines[k, 1], lines[k, 2], lines[k, 3]
+                pad = 0.5 * thickness[k] + 1.0
+                if ti.max(ax, bx) + pad > x0 and ti.min(ax, bx) - pad < x1:
+                    line(canvas, width, height, x0, x1, ax, ay, bx, by, thickness[k], colours[k])
 
 
 @ti.kernel
@@ -224,10 +227,11 @@ def paint_tiles(canvas: Packed, width: ti.i32, height: ti.i32, tiles: Spans, pix
 @ti.kernel
 def unpack(canvas: Packed, image: Bytes):
     """The canvas as bytes red, green, blue."""
-    ti.loop_config(block_dim=1)
-    for s in range(BANDS):
-        pixels = canvas.shape[0]
-        for k in range(s * (pixels // BANDS), (s + 1) * (pixels // BANDS) if s < BANDS - 1 else pixels):
-            image[3 * k] = ti.cast(canvas[k] >> ti.u32(16), ti.u8)
-            image[3 * k + 1] = ti.cast(canvas[k] >> ti.u32(8), ti.u8)
-            image[3 * k + 2] = ti.cast(canvas[k], ti.u8)
+    for task in range(BANDS * CHUNK):
+        if task % CHUNK == 0:
+            s = task // CHUNK
+            pixels = canvas.shape[0]
+            for k in range(s * (pixels // BANDS), (s + 1) * (pixels // BANDS) if s < BANDS - 1 else pixels):
+                image[3 * k] = ti.cast(canvas[k] >> ti.u32(16), ti.u8)
+                image[3 * k + 1] = ti.cast(canvas[k] >> ti.u32(8), ti.u8)
+                image[3 * k + 2] = ti.cast(canvas[k], ti.u8)

@@ -9,7 +9,7 @@ import taichi as ti
 from taichi_sand.scene.packing import Pack
 from taichi_sand.world import flags
 from taichi_sand.world.grid import allocate_grid
-from taichi_sand.world.pairs import LEAST_SKIN, LEAST_SLACK, MOST_REACH
+from taichi_sand.world.pairs import LEAST_SKIN, LEAST_SLACK, MOST_REACH, MOST_SKIN, MOST_SLACK
 from taichi_sand.world.tables import (
     LANES,
     PAIRS_PER_GRAIN,
@@ -39,11 +39,15 @@ def lay_lattice(size: tuple[float, float], diameter: float, count: int) -> tuple
     return tuple(side / n for side, n in zip(size, sites, strict=True)), sites
 
 
-def check_periodic(scene: Any, largest: float, periodic: tuple[bool, bool]) -> None:
-    """SandError if a periodic axis is too short for a grain not to meet another one twice."""
-    for k, axis in enumerate("xy"):
-        if periodic[k] and scene.size[k] < 4 * largest * (1 + LEAST_SKIN + LEAST_SLACK):
-            raise scene.error("size", f"a box periodic along {axis} must be at least 5 of its largest grains long")
+def check_periodic(scene: Any, radius: np.ndarray) -> None:
+    """SandError if a periodic axis has room for less than three of the widest cells: a search could then pair two grains twice."""
+    if not len(radius):
+        return
+    least = 3.001 * (2 * float(radius.max()) + (MOST_SKIN + MOST_SLACK) * 2 * float(radius.mean()))
+    for axis, side, length in (("x", "left", scene.size[0]), ("y", "bottom", scene.size[1])):
+        if getattr(scene.edges, side) == "periodic" and length < least:
+            text = f"{length:g} m is too short for a box periodic along {axis}; these grains need at least {least:.3g} m"
+            raise scene.error("size", text)
 
 
 def plan_cells(size: tuple[float, float], largest: float, capacity: int) -> tuple[float, int]:
@@ -62,12 +66,8 @@ def lay_walls(scene: Any, spacing: tuple[float, float], sites: tuple[int, int], 
     return build_walls(parts, spacing, sites, reach, real)
 
 
-def make_world(scene: Any, pack: Pack, extra: int, keep_force: bool, turns: bool, gpu: bool) -> World:
-    """World of `scene` with room for the grains of `pack`; `extra` columns of the pair table follow a pair, the force too if `keep_force`.
-
-    Raises:
-        SandError: the scene cannot be laid out.
-    """
+def make_world(scene: Any, pack: Pack, extra: int, turns: bool, gpu: bool) -> World:
+    """World of `scene` with room for the grains of `pack`; `extra` columns of the pair table follow a pair, as its force does."""
     real = ti.f64 if scene.solver.precision == 64 else ti.f32
     count = len(pack.radius)
     capacity = round_up(count + 1)
@@ -75,7 +75,6 @@ def make_world(scene: Any, pack: Pack, extra: int, keep_force: bool, turns: bool
     largest, diameter = 2 * float(radius.max()), 2 * float(radius.mean())
     edges = [getattr(scene.edges, side) for side in SIDES]
     periodic = (edges[0] == "periodic", edges[2] == "periodic")
-    check_periodic(scene, largest, periodic)
     spacing, sites = lay_lattice(scene.size, diameter, capacity)
     least_cell, cells = plan_cells(scene.size, largest, capacity)
     layout = "cells" if gpu else "strips" if count >= STRIPS_FROM else "one"
@@ -85,7 +84,7 @@ def make_world(scene: Any, pack: Pack, extra: int, keep_force: bool, turns: bool
     wall_base = PAIRS_PER_GRAIN * (capacity + LANES * min(blocks, STRIPS))
     world = World(
         grains=allocate_grains(real, capacity),
-        pairs=allocate_pairs(real, capacity, wall_base + wall_half, extra, keep_force),
+        pairs=allocate_pairs(real, capacity, wall_base + wall_half, extra),
         blocks=allocate_blocks(blocks),
         grid=allocate_grid(real, capacity, room),
         walls=lay_walls(scene, spacing, sites, largest / 2 + MOST_REACH * diameter, real),

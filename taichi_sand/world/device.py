@@ -42,6 +42,11 @@ def start(user: Any, arch: str, threads: int | None, precision: int) -> None:
     alive.add(user)
 
 
+def count_room(grains: int) -> None:
+    """Notes that room for `grains` more has been laid out since Taichi was started."""
+    state["grains"] += grains
+
+
 def launch(arch: str, threads: int, precision: int) -> None:
     """ti.init, with an error in words if the backend is not there."""
     kind = getattr(ti, arch)

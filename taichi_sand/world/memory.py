@@ -9,12 +9,11 @@ from taichi_sand.world.tables import LANES
 @ti.func
 def remember(w: ti.template(), row, i, j):
     """Gives the pair of i and j the memory it had before the search; none if it is new."""
-    if ti.static(len(w.pairs.memory) > 0):
-        lanes = ti.static(1 if w.layout == "cells" else LANES)
-        old = recall(w, w.pairs.row_start, w.pairs.row_count, w.grid.source[i], w.grid.source[j], lanes)
-        if old < 0:
-            old = recall(w, w.pairs.row_start, w.pairs.row_count, w.grid.source[j], w.grid.source[i], lanes)
-        carry(w, row, old)
+    lanes = ti.static(1 if w.layout == "cells" else LANES)
+    old = recall(w, w.pairs.row_start, w.pairs.row_count, w.grid.source[i], w.grid.source[j], lanes)
+    if old < 0:
+        old = recall(w, w.pairs.row_start, w.pairs.row_count, w.grid.source[j], w.grid.source[i], lanes)
+    carry(w, row, old)
 
 
 @ti.func

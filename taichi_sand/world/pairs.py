@@ -124,7 +124,7 @@ def clear_rows(w: ti.template(), start, end, lanes: ti.template()):
         pairs.reach[row] = ti.Vector([FAR, 0.0])
         pairs.contact_distance[row], pairs.gap[row] = 0.0, FAR
         pairs.mass[row], pairs.mass_t[row] = 0.0, 0.0
-        pairs.normal[row], pairs.force[row] = ti.Vector([1.0, 0.0]), ti.Vector([0.0, 0.0])
+        pairs.normal[row] = ti.Vector([1.0, 0.0])
         carry(w, row, -1)
 
 

@@ -161,9 +161,9 @@ def allocate_grains(real: Any, rows: int) -> Grains:
     return Grains(*columns)
 
 
-def allocate_pairs(real: Any, capacity: int, half: int, extra: int, keep_force: bool) -> Pairs:
-    """Empty pair table of two halves for `capacity` grains, with `extra` further columns that follow a pair from search to search;
-    the force is one of them if `keep_force`.
+def allocate_pairs(real: Any, capacity: int, half: int, extra: int) -> Pairs:
+    """Empty pair table of two halves for `capacity` grains, with `extra` columns that follow a pair from search to search, as its force
+    does: what is read between a search and the next step is then still what the pair carries.
     """
     wall_half = WALL_PAIRS_PER_GRAIN * capacity
     rows = 2 * half
@@ -180,7 +180,7 @@ def allocate_pairs(real: Any, capacity: int, half: int, extra: int, keep_force: 
         root_mass=ti.field(real, rows),
         mass_t=ti.field(real, rows),
         force=force,
-        memory=((force,) if keep_force else ()) + columns,
+        memory=(force, *columns),
         **{name: ti.field(ti.i32, 2 * capacity) for name in ("row_start", "row_count", "wall_row_start", "wall_row_count")},
         along=vectors(real, 2 * wall_half),
         bounds=vectors(real, 2 * wall_half),

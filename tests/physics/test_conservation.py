@@ -87,17 +87,20 @@ def test_rigid_gas(edges: str) -> None:
     assert sim.flags() == []
 
 
-@pytest.mark.xfail(reason="known shortfall: the energy wanders by 0.2 to 0.6 % in 1000 collisions a disc, the bar is 0.1 %")
+COARSE = pytest.mark.xfail(reason="known shortfall: at A16's own t_c / 20 the energy walks up to 1.6e-3 off, the bar is 1e-3")
+
+
+@pytest.mark.parametrize("steps", [pytest.param(20, marks=COARSE), 40])
 @pytest.mark.parametrize("law", ["linear", "hertz"])
-def test_md_gas(law: str) -> None:
-    """A16: the energy of the soft gas, springs included, stays within 1e-3 without trend, 1000 collisions a disc, at h = t_c / 40.
+def test_md_gas(law: str, steps: int) -> None:
+    """A16: the energy of the soft gas, springs included, stays within 1e-3 without trend, 1000 collisions a disc.
 
     Velocities of symplectic Euler belong to the middle of a step: that at a place is the mean of two. At t_c / 20 the moments of first
     touch leave 1.2e-3 of an oblique collision's energy, at random (2D, integrated alone); 2e5 of them walk as far as 1.6e-3.
     """
     discs, side = gas()
     k_r, beta = (K, 1.0) if law == "linear" else (K / math.sqrt(7e-5), 1.5)
-    solver = {"kind": "md", "law": law, "k_r": k_r, "restitution": 1.0, "step": T_C / 40, "tolerance": 0.01}
+    solver = {"kind": "md", "law": law, "k_r": k_r, "restitution": 1.0, "step": T_C / steps, "tolerance": 0.01}
     sim = simulate(discs, (side, side), solver, edges=PERIODIC)
     energies = []
     for _ in range(12):

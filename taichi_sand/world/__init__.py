@@ -1,0 +1,1 @@
+"""The state of a simulation, and who is near whom."""
