@@ -91,10 +91,9 @@ class Simulation:
         own = [memory.pop(0) for _ in range(solver.MEMORY)]
         built = []
         for name, module in modules.items():
-            live = effect_modules.live_field(name, self.effects[name], self.world.real)
-            built.append(module.build(self.effects[name], live, [memory.pop(0) for _ in range(columns[name])], kind))
+            built.append(module.build(self.effects[name], [memory.pop(0) for _ in range(columns[name])], kind))
         self.numbers = solver.numbers(scene, self.bed)
-        self.solver = solver.build(scene, self.numbers, own, tuple(built), self.world.real)
+        self.solver = solver.build(scene, self.numbers, effect_modules.live(self.effects), own, tuple(built), self.world.real)
 
     def _start_steps(self) -> None:
         pace = self.world.pace

@@ -1,16 +1,14 @@
 """Optional physics, one module each; only those that a scene names are imported.
 
 A module declares PARAMETERS (scene.parameters.Parameter), SOLVERS it fits, TURNS (whether it can turn a grain), memory(values, solver):
-how many columns that follow a pair it needs, and build(values, live, columns, solver): the object whose ti.func methods the solver calls.
-For md: tangent and release; for rigid: cone.
+how many columns that follow a pair it needs, and build(values, columns, solver): the object whose ti.func methods the solver calls.
+For md: tangent and release; for rigid: cone. Their argument c holds the live parameters too: `mu` of friction is c.friction_mu.
 """
 
 import importlib
 import pkgutil
 from types import ModuleType
 from typing import Any
-
-import taichi as ti
 
 from taichi_sand.scene.errors import suggest
 from taichi_sand.scene.parameters import check_table
@@ -40,9 +38,6 @@ def check(scene: Any) -> dict[str, dict[str, Any]]:
     return tables
 
 
-def live_field(name: str, values: dict[str, Any], real: Any) -> Any:
-    """0-D field of the live parameters of effect `name`, so that changing one recompiles nothing."""
-    live = [p.name for p in module(name).PARAMETERS if p.live]
-    field = ti.types.struct(**dict.fromkeys(live, real)).field(shape=())
-    field[None] = {key: values[key] for key in live}
-    return field
+def live(tables: dict[str, dict[str, Any]]) -> dict[str, float]:
+    """Live parameters of the effects in `tables`, each by the name that kernels know it by."""
+    return {f"{name}_{p.name}": tables[name][p.name] for name in tables for p in module(name).PARAMETERS if p.live}

@@ -38,14 +38,13 @@ VISCOUS = 0.7
 class Friction:
     """The effect as kernels see it."""
 
-    live: Any  # 0-D field of the live parameters
     model: str
     spring: Any  # column of the pair table: stretch of the tangential spring [m]
 
     @ti.func
     def tangent(self, w: ti.template(), c: ti.template(), p, normal_force, slip, stiffness, dashpot):
         """Tangential force [N] on the second grain of pair p that slips by `slip` [m/s]."""
-        bound = self.live[None].mu * normal_force
+        bound = c.friction_mu * normal_force
         force = 0.0
         if ti.static(self.model == "spring"):
             k = SPRING * stiffness
@@ -65,9 +64,9 @@ class Friction:
             self.spring[p] = 0.0
 
     @ti.func
-    def cone(self, w: ti.template(), p, normal):
+    def cone(self, w: ti.template(), c: ti.template(), p, normal):
         """Largest tangential impulse for a normal one."""
-        return self.live[None].mu * normal
+        return c.friction_mu * normal
 
 
 def memory(values: dict, solver: str) -> int:
@@ -75,9 +74,9 @@ def memory(values: dict, solver: str) -> int:
     return 1 if solver == "md" and values["model"] == "spring" else 0
 
 
-def build(values: dict, live: Any, columns: tuple, solver: str) -> Friction:
+def build(values: dict, columns: tuple, solver: str) -> Friction:
     """The effect for a world; `columns` are those that `memory` asked for."""
-    return Friction(live, values["model"] if solver == "md" else "", columns[0] if columns else None)
+    return Friction(values["model"] if solver == "md" else "", columns[0] if columns else None)
 
 
 TURNS = True

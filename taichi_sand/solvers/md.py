@@ -5,6 +5,7 @@ the choice α = (β - 1)/2 for which restitution does not depend on speed (physi
 mass of the pair, so that pairs of all sizes have the same restitution.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,15 +21,15 @@ MEMORY = 0
 INTEGRATORS = {"symplectic_euler": symplectic_euler}
 
 
-def constants_type(real: Any) -> Any:
-    """Struct of the numbers of the solver; all may change while it runs."""
+def constants_type(real: Any, live: Iterable[str]) -> Any:
+    """Struct of the numbers of the solver, and of the live parameters of the effects; all may change while it runs."""
     return ti.types.struct(
         step=real,  # h [s]
         stiffness=real,  # k_r [N/m^beta]
         damping=real,  # k_d / sqrt(effective mass), or k_d itself where the scene gives it
-        weighted=real,  # 1 = `damping` is to be multiplied by the root of the effective mass, 0 = it is k_d
         alpha=real,
         beta=real,
+        **dict.fromkeys(live, real),
     )
 
 
@@ -38,29 +39,32 @@ class MolecularDynamics:
 
     constants: Any  # 0-D field of constants_type
     law: str  # linear, hertz or custom
+    weighted: bool  # whether `damping` is to be multiplied by the root of the effective mass; if not it is k_d itself
     integrator: Any  # a grain function of the sweep
     effects: tuple
     step: Any  # ti.func of one step
 
 
 @ti.func
-def elastic_stiffness(law: ti.template(), c: ti.template(), overlap):
+def elastic_stiffness(s: ti.template(), c: ti.template(), overlap):
     """f_n / overlap of the elastic part [N/m]."""
     stiffness = c.stiffness
-    if ti.static(law == "hertz"):
+    if ti.static(s.law == "hertz"):
         stiffness *= ti.sqrt(overlap)
-    elif ti.static(law == "custom"):
+    elif ti.static(s.law == "custom"):
         stiffness *= overlap ** (c.beta - 1.0)
     return stiffness
 
 
 @ti.func
-def damping(law: ti.template(), c: ti.template(), root_mass, overlap):
+def damping(s: ti.template(), c: ti.template(), root_mass, overlap):
     """k_d ζ^α [N s/m]."""
-    coefficient = c.damping * (1.0 + c.weighted * (root_mass - 1.0))
-    if ti.static(law == "hertz"):
+    coefficient = c.damping
+    if ti.static(s.weighted):
+        coefficient *= root_mass
+    if ti.static(s.law == "hertz"):
         coefficient *= ti.sqrt(ti.sqrt(overlap))
-    elif ti.static(law == "custom"):
+    elif ti.static(s.law == "custom"):
         coefficient *= overlap**c.alpha
     return coefficient
 
@@ -77,11 +81,11 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     force = ti.Vector([0.0, 0.0])
     if overlap > 0.0:
         motion = -velocity(w, i) if ti.static(wall) else velocity(w, j) - velocity(w, i)
-        stiffness = elastic_stiffness(s.law, c, overlap)
-        dashpot = damping(s.law, c, pairs.root_mass[p], overlap)
+        stiffness = elastic_stiffness(s, c, overlap)
+        dashpot = damping(s, c, pairs.root_mass[p], overlap)
         force.x = at_least(0.0, stiffness * overlap - dashpot * motion.dot(normal))
         arm_i = g.radius[i] - (overlap if ti.static(wall) else 0.5 * overlap)
-        arm_j = 0.0 if ti.static(wall) else g.radius[j] - 0.5 * overlap
+        arm_j = 0.0 if ti.static(wall) else distance - arm_i
         if ti.static(w.turns):
             slip = motion.dot(perp(normal)) - arm_i * spin(w, i)
             if ti.static(not wall):
@@ -112,7 +116,7 @@ def numbers(scene: Any, bed: Bed) -> dict[str, float]:
     return md_numbers(scene, bed)
 
 
-def build(scene: Any, values: dict[str, float], own: list, effects: tuple, real: Any) -> MolecularDynamics:
-    """The solver for a world; `own` holds the columns of the pair table that MEMORY asked for."""
-    constants = fill_struct(constants_type(real), values)
-    return MolecularDynamics(constants, scene.solver.law, INTEGRATORS[scene.solver.integrator], effects, step)
+def build(scene: Any, values: dict[str, float], live: dict[str, float], own: list, effects: tuple, real: Any) -> MolecularDynamics:
+    """The solver for a world; `own` holds the columns of the pair table that MEMORY asked for, `live` the effects' live parameters."""
+    constants = fill_struct(constants_type(real, live), {**values, **live})
+    return MolecularDynamics(constants, scene.solver.law, scene.solver.k_d is None, INTEGRATORS[scene.solver.integrator], effects, step)

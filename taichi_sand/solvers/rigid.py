@@ -7,6 +7,7 @@ load in time, so that the sag fades while the pile rests. An approach faster tha
 with restitution and friction (Walton's hard disc, physics.md A4), and is not remembered as a carried force.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,8 +25,8 @@ REFERENCE_SHARE = 0.8
 enough of the load to damp. With 0.95 piles 45 grains deep shake."""
 
 
-def constants_type(real: Any) -> Any:
-    """Struct of the numbers of the solver; all may change while it runs."""
+def constants_type(real: Any, live: Iterable[str]) -> Any:
+    """Struct of the numbers of the solver, and of the live parameters of the effects; all may change while it runs."""
     return ti.types.struct(
         step=real,  # h [s]
         rate=real,  # 1 / h [1/s]
@@ -36,6 +37,7 @@ def constants_type(real: Any) -> Any:
         restitution=real,
         threshold=real,  # slowest impact [m/s]
         reference_rate=real,  # share of the way that the reference impulse creeps in a step
+        **dict.fromkeys(live, real),
     )
 
 
@@ -78,12 +80,12 @@ def free(w: ti.template(), i):
 
 
 @ti.func
-def cone(w: ti.template(), s: ti.template(), p, normal):
+def cone(w: ti.template(), s: ti.template(), c: ti.template(), p, normal):
     """Largest tangential impulse for a normal one."""
     bound = 0.0
     for effect in ti.static(s.effects):
         if ti.static(hasattr(effect, "cone")):
-            bound += effect.cone(w, p, normal)
+            bound += effect.cone(w, c, p, normal)
     return bound
 
 
@@ -138,7 +140,7 @@ def collide(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
         impulse = ti.Vector([-(1.0 + c.restitution) * pairs.mass[p] * speed, 0.0])
         if ti.static(w.turns):
             slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall)
-            bound = cone(w, s, p, impulse.x)
+            bound = cone(w, s, c, p, impulse.x)
             impulse.y = within(bound, -pairs.mass_t[p] * slip)
         give(w, i, j, impulse, normal, arm_i, arm_j, wall)
         w.pace[None].hit = 1
@@ -168,7 +170,7 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
         arm_i, arm_j = arms(w, i, j, gap, wall)
         if ti.static(w.turns):
             slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall)
-            bound = cone(w, s, p, new.x)
+            bound = cone(w, s, c, p, new.x)
             new.y = within(bound, carried.y - pairs.mass_t[p] * slip)
         give(w, i, j, new - carried, normal, arm_i, arm_j, wall)
         carried = new
@@ -255,6 +257,6 @@ def numbers(scene: Any, bed: Bed) -> dict[str, float]:
     return rigid_numbers(scene.solver, bed)
 
 
-def build(scene: Any, values: dict[str, float], own: list, effects: tuple, real: Any) -> Rigid:
-    """The solver for a world; `own` holds the columns of the pair table that MEMORY asked for."""
-    return Rigid(fill_struct(constants_type(real), values), own[0], effects, step)
+def build(scene: Any, values: dict[str, float], live: dict[str, float], own: list, effects: tuple, real: Any) -> Rigid:
+    """The solver for a world; `own` holds the columns of the pair table that MEMORY asked for, `live` the effects' live parameters."""
+    return Rigid(fill_struct(constants_type(real, live), {**values, **live}), own[0], effects, step)

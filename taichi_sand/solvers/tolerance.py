@@ -150,7 +150,6 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
         "step": step,
         "stiffness": k_r,
         "damping": damping,
-        "weighted": float(weighted),
         "alpha": alpha,
         "beta": beta,
         "speed_cap": cap,

@@ -3,30 +3,25 @@
 import taichi as ti
 
 from taichi_sand.world.flags import NOT_FINITE, TOO_FAST, flag
-from taichi_sand.world.geometry import spin, velocity
+from taichi_sand.world.geometry import at_least, spin, velocity
 
 
 @ti.func
-def guard(w: ti.template(), start, end):
-    """Stops grains whose motion is no number, slows down those that are too fast, and flags both."""
+def guarded(w: ti.template(), i):
+    """Twist of grain i that can be followed: stopped if it is no number, slowed down if it is too fast; flags both."""
     g = ti.static(w.grains)
     cap = w.pace[None].speed_cap
-    fine = 1
-    for i in range(start, end):
-        v = velocity(w, i)
-        turning = spin(w, i) * spin(w, i)
-        fine = ti.min(fine, ti.select(v.dot(v) <= cap * cap, 1, 0), ti.select(turning >= 0.0, 1, 0))
-    if fine == 0:
-        for i in range(start, end):
-            v = velocity(w, i)
-            square = v.dot(v)
-            if not (square >= 0.0) or not (spin(w, i) * spin(w, i) >= 0.0):
-                g.twist[i] = ti.Vector([0.0, 0.0, 0.0, 0.0])
-                flag(w, NOT_FINITE, g.id[i])
-            elif not square <= cap * cap:
-                slow = v * (cap / ti.sqrt(square))
-                g.twist[i] = ti.Vector([slow.x, slow.y, spin(w, i), 0.0])
-                flag(w, TOO_FAST, g.id[i])
+    v = velocity(w, i)
+    square = v.dot(v)
+    twist = g.twist[i]
+    if not (square >= 0.0) or not (spin(w, i) * spin(w, i) >= 0.0):
+        twist = ti.Vector([0.0, 0.0, 0.0, 0.0])
+        flag(w, NOT_FINITE, g.id[i])
+    else:
+        slow = v * (cap / ti.sqrt(square))
+        twist = ti.Vector([slow.x, slow.y, spin(w, i), 0.0])
+        flag(w, TOO_FAST, g.id[i])
+    return twist
 
 
 @ti.func
@@ -34,16 +29,19 @@ def drift(w: ti.template(), start, end):
     """Moves and turns the grains start .. end-1 for one step, and notes how far they are off the paths that the search foresaw."""
     g = ti.static(w.grains)
     step = w.pace[None].step
-    guard(w, start, end)
+    cap = w.pace[None].speed_cap
     time = ti.cast(w.pace[None].since + 1, w.real) * step
     off_path = 0.0
     for i in range(start, end):
-        shift = g.shift[i] + velocity(w, i) * step
+        v = velocity(w, i)
+        if not (v.dot(v) <= cap * cap) or not (spin(w, i) * spin(w, i) >= 0.0):
+            g.twist[i] = guarded(w, i)
+            v = velocity(w, i)
+        shift = g.shift[i] + v * step
         g.shift[i] = shift
         off = shift - g.start_velocity[i] * time
-        off_path = ti.max(off_path, off.dot(off))
-    if ti.static(w.turns):
-        for i in range(start, end):
+        off_path = at_least(off_path, off.dot(off))
+        if ti.static(w.turns):
             g.turn[i] += spin(w, i) * step
     ti.atomic_max(w.pace[None].off_path, off_path)
 
