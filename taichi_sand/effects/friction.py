@@ -3,7 +3,7 @@
 Molecular dynamics knows three models: `spring`, a tangential spring that slides at the Coulomb bound (Cundall & Strack 1979) and
 holds a pile at rest; `viscous`, a dashpot capped by the bound, and `sign`, the full bound against the slip (eq. 3 of the student
 report this project grew from): these two have no static state, and piles creep (physics.md A10). The rigid solver bounds the
-accumulated tangential impulse, which is static friction too; there the model makes no difference.
+accumulated tangential impulse, which is static friction too; there the model makes no difference. A wall may have a mu of its own.
 """
 
 from dataclasses import dataclass
@@ -42,9 +42,18 @@ class Friction:
     spring: Any  # column of the pair table: stretch of the tangential spring [m]
 
     @ti.func
-    def tangent(self, w: ti.template(), c: ti.template(), p, normal_force, slip, stiffness, dashpot):
+    def coefficient(self, w: ti.template(), c: ti.template(), p, wall: ti.template()):
+        """mu of pair p: that of the wall, if it names one."""
+        mu = c.friction_mu
+        if ti.static(wall and w.walls.rough):
+            own = w.walls.friction[w.pairs.second[p]]
+            mu = ti.select(own < 0.0, mu, own)
+        return mu
+
+    @ti.func
+    def tangent(self, w: ti.template(), c: ti.template(), p, wall: ti.template(), normal_force, slip, stiffness, dashpot):
         """Tangential force [N] on the second grain of pair p that slips by `slip` [m/s]."""
-        bound = c.friction_mu * normal_force
+        bound = self.coefficient(w, c, p, wall) * normal_force
         force = 0.0
         if ti.static(self.model == "spring"):
             k = SPRING * stiffness
@@ -64,9 +73,9 @@ class Friction:
             self.spring[p] = 0.0
 
     @ti.func
-    def cone(self, w: ti.template(), c: ti.template(), p, normal):
+    def cone(self, w: ti.template(), c: ti.template(), p, wall: ti.template(), normal):
         """Largest tangential impulse for a normal one."""
-        return c.friction_mu * normal
+        return self.coefficient(w, c, p, wall) * normal
 
 
 def memory(values: dict, solver: str) -> int:

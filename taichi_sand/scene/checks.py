@@ -125,6 +125,8 @@ def scene(table: "Scene") -> None:
             raise Wrong(f"{name}.region", f" = {show(item.region)} must lie inside the box, {_box(table)}")
     for index, item in enumerate(table.walls):
         _inside(table, f"walls[{index}].points", np.asarray(item.points))
+        if item.friction is not None and "friction" not in table.effects:
+            raise Wrong(f"walls[{index}].friction", f" = {item.friction:g} needs a table [effects.friction]")
 
 
 def _box(table: "Scene") -> str:

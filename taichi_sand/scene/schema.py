@@ -138,6 +138,7 @@ class Wall(Table):
 
     points: tuple[Vector, ...] = key(..., "corners [[x, y], …], at least two", "m", min_length=2)
     closed: Switch = key(False, "joins the last point to the first")
+    friction: Number | None = key(None, "coefficient of friction; that of [effects.friction] if not given", ge=0, le=10)
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:

@@ -92,7 +92,7 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
                 slip -= arm_j * spin(w, j)
             for effect in ti.static(s.effects):
                 if ti.static(hasattr(effect, "tangent")):
-                    force.y += effect.tangent(w, c, p, force.x, slip, stiffness, dashpot)
+                    force.y += effect.tangent(w, c, p, wall, force.x, slip, stiffness, dashpot)
         push = force.x * normal + force.y * perp(normal)
         g.wrench[i] -= wrench(push, arm_i * force.y)
         if ti.static(not wall):

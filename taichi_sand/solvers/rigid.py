@@ -80,12 +80,12 @@ def free(w: ti.template(), i):
 
 
 @ti.func
-def cone(w: ti.template(), s: ti.template(), c: ti.template(), p, normal):
+def cone(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template(), normal):
     """Largest tangential impulse for a normal one."""
     bound = 0.0
     for effect in ti.static(s.effects):
         if ti.static(hasattr(effect, "cone")):
-            bound += effect.cone(w, c, p, normal)
+            bound += effect.cone(w, c, p, wall, normal)
     return bound
 
 
@@ -140,7 +140,7 @@ def collide(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
         impulse = ti.Vector([-(1.0 + c.restitution) * pairs.mass[p] * speed, 0.0])
         if ti.static(w.turns):
             slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall)
-            bound = cone(w, s, c, p, impulse.x)
+            bound = cone(w, s, c, p, wall, impulse.x)
             impulse.y = within(bound, -pairs.mass_t[p] * slip)
         give(w, i, j, impulse, normal, arm_i, arm_j, wall)
         w.pace[None].hit = 1
@@ -170,7 +170,7 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
         arm_i, arm_j = arms(w, i, j, gap, wall)
         if ti.static(w.turns):
             slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall)
-            bound = cone(w, s, c, p, new.x)
+            bound = cone(w, s, c, p, wall, new.x)
             new.y = within(bound, carried.y - pairs.mass_t[p] * slip)
         give(w, i, j, new - carried, normal, arm_i, arm_j, wall)
         carried = new

@@ -62,7 +62,7 @@ def lay_walls(scene: Any, spacing: tuple[float, float], sites: tuple[int, int], 
     """Edges and walls of `scene`, felt up to `reach` [m] from a centre."""
     parts = edge_parts(scene.size, [getattr(scene.edges, side) == "wall" for side in SIDES])
     for wall in scene.walls:
-        parts += polyline_parts(np.array(wall.points), wall.closed)
+        parts += polyline_parts(np.array(wall.points), wall.closed, wall.friction)
     return build_walls(parts, spacing, sites, reach, real)
 
 

@@ -24,6 +24,8 @@ class Walls(NamedTuple):
     along: Any  # direction of the line; of an end the first direction that leads off
     bounds: Any  # line: from where to where it runs, from `point` [m]; end: second direction that leads off
     side: Any  # 1 = grains are always on its left (an edge of the box), 0 = a line with two sides, -1 = an end
+    friction: Any  # its own coefficient, < 0 = none: shape (parts,), or None if no wall has one
+    rough: bool  # whether a wall has one
 
 
 @dataclass
@@ -34,6 +36,7 @@ class Part:
     along: np.ndarray
     bounds: np.ndarray
     side: int
+    friction: float = -1.0  # < 0: that of the effect
 
 
 def edge_parts(size: tuple[float, float], walled: Sequence[bool]) -> list[Part]:
@@ -48,8 +51,8 @@ def edge_parts(size: tuple[float, float], walled: Sequence[bool]) -> list[Part]:
     ]
 
 
-def polyline_parts(points: np.ndarray, closed: bool) -> list[Part]:
-    """Lines and ends of a polyline through `points` [m], shape (n, 2)."""
+def polyline_parts(points: np.ndarray, closed: bool, friction: float | None = None) -> list[Part]:
+    """Lines and ends of a polyline through `points` [m], shape (n, 2), with a coefficient of friction if it has its own."""
     points = np.asarray(points, float)
     if closed:
         points = np.vstack([points, points[:1]])
@@ -58,13 +61,14 @@ def polyline_parts(points: np.ndarray, closed: bool) -> list[Part]:
     keep = lengths > 0
     starts, lengths = points[:-1][keep], lengths[keep]
     along = steps[keep] / lengths[:, None]
-    parts = [Part(s, a, np.array([0.0, n]), 0) for s, a, n in zip(starts, along, lengths, strict=True)]
+    own = -1.0 if friction is None else friction
+    parts = [Part(s, a, np.array([0.0, n]), 0, own) for s, a, n in zip(starts, along, lengths, strict=True)]
     count = len(along)
     for k in range(count + (0 if closed else 1)):
         before = along[k - 1] if (k > 0 or closed) else None
         after = -along[k % count] if (k < count or closed) else None
         ways = [way for way in (before, after) if way is not None]
-        parts.append(Part(starts[k] if k < count else points[-1], ways[0], ways[-1], -1))
+        parts.append(Part(starts[k] if k < count else points[-1], ways[0], ways[-1], -1, own))
     return parts
 
 
@@ -104,6 +108,7 @@ def build_walls(parts: list[Part], spacing: tuple[float, float], sites: tuple[in
     order = np.argsort(site, kind="stable")
     start = np.searchsorted(site[order], np.arange(sites[0] * sites[1] + 1))
     rows = max(1, len(order))
+    rough = any(part.friction >= 0 for part in parts)
     table = Walls(
         start=ti.field(ti.i32, len(start)),
         part=ti.field(ti.i32, rows),
@@ -111,7 +116,11 @@ def build_walls(parts: list[Part], spacing: tuple[float, float], sites: tuple[in
         along=ti.Vector.field(2, real, rows),
         bounds=ti.Vector.field(2, real, rows),
         side=ti.field(ti.i32, rows),
+        friction=ti.field(real, len(parts)) if rough else None,
+        rough=rough,
     )
+    if rough:
+        table.friction.from_numpy(np.array([part.friction for part in parts], numpy_real))
     table.start.from_numpy(start.astype(np.int32))
     if len(order):
         for field, values in ((table.part, number), (table.side, side)):
