@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -15,6 +16,7 @@ from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers import choose
 from taichi_sand.solvers.tolerance import bed_of
 from taichi_sand.world import checkpoint, device
+from taichi_sand.world import hand as hands
 from taichi_sand.world.build import check_periodic, fill, make_world, read_grains
 from taichi_sand.world.flags import sentences
 from taichi_sand.world.motion import close_step
@@ -57,26 +59,29 @@ class Simulation:
         scene: what to simulate.
         arch: cpu, cuda, vulkan, metal or gpu (the best there is).
         threads: CPU threads; all there are if None. Results do not depend on it.
+        room: how many grains more than those of the scene there may be, for what adds some while it runs.
+        hand: whether somebody may reach into it, by `hand`.
 
     Raises:
         SandError: the scene cannot be simulated as it asks, or the backend is not there.
     """
 
-    def __init__(self, scene: Scene, *, arch: str = "cpu", threads: int | None = None) -> None:
+    def __init__(self, scene: Scene, *, arch: str = "cpu", threads: int | None = None, room: int = 0, hand: bool = False) -> None:
         self.clock = {"wall": 0.0, "compile": 0.0, "stages": {}}
         with self._stage("compile"):
-            self.scene, self.arch, self.threads = scene, arch, threads
+            self.scene, self.arch, self.threads, self.room = scene, arch, threads, room
             device.start(self, arch, threads, scene.solver.precision)
             self.effects = effect_modules.check(scene)
             grains = pack(scene)
             check_periodic(scene, grains.radius)
-            self._lay(grains)
+            self._lay(grains, hand)
             fill(self.world, grains)
-            self.made = len(grains.radius)
+            self.made, self.removed = len(grains.radius), 0
             self.steps = 0  # done
+            self.epoch = (0, 0.0)  # steps and time [s] when the step was last changed
             self._start_steps()
 
-    def _lay(self, grains: Any) -> None:
+    def _lay(self, grains: Any, hand: bool) -> None:
         """World, solver and effects, as structure; the grains come after."""
         scene, kind = self.scene, self.scene.solver.kind
         modules = {name: effect_modules.module(name) for name in self.effects}
@@ -84,7 +89,7 @@ class Simulation:
         turns = any(module.TURNS for module in modules.values()) or bool(np.any(grains.spin))
         solver = choose(kind)
         extra = solver.MEMORY + sum(columns.values())
-        self.world = make_world(scene, grains, extra, turns, self.arch != "cpu")
+        self.world = make_world(scene, grains, extra, turns, self.arch != "cpu", self.room)
         device.count_room(self.world.capacity)
         self.bed = bed_of(grains, scene.gravity)
         memory = list(self.world.pairs.memory[-extra:]) if extra else []
@@ -92,6 +97,9 @@ class Simulation:
         built = []
         for name, module in modules.items():
             built.append(module.build(self.effects[name], [memory.pop(0) for _ in range(columns[name])], kind))
+        self.hand = hands.allocate(self.world.real) if hand else None
+        if self.hand:
+            built.append(self.hand)
         self.numbers = solver.numbers(scene, self.bed)
         self.solver = solver.build(scene, self.numbers, effect_modules.live(self.effects), own, tuple(built), self.world.real)
 
@@ -110,12 +118,12 @@ class Simulation:
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return self.steps * self.step
+        return self.epoch[1] + (self.steps - self.epoch[0]) * self.step
 
     def advance(self, seconds: float, progress: Callable[[float], None] | None = None) -> None:
         """Simulates until `seconds` later, to the nearest step; `progress` is called with the share done."""
         start = self.steps
-        total = round((self.time + seconds) / self.step) - start
+        total = round((self.time - self.epoch[1] + seconds) / self.step) + self.epoch[0] - start
         done = 0
         while done < total:
             part = min(total - done, max(1, round(1 / (30 * self.step))) if progress else total)
@@ -129,6 +137,37 @@ class Simulation:
         with self._stage("march"):
             self._march(count)
         self.steps += count
+
+    def renew(self) -> None:
+        """Searches anew, after grains or walls have been changed by hand; what contacts that are gone carried is forgotten."""
+        with self._stage("march"):
+            self.world.pace[None].spent = 1
+            self._march(0)
+            solver = choose(self.scene.solver.kind)
+            if hasattr(solver, "renew"):
+                solver.renew(self.world, self.solver)
+                ti.sync()
+
+    def retune(self, scene: Scene, live: dict[str, float] | None = None) -> None:
+        """Goes on with the gravity and the numbers of the solver that `scene` asks for, and with these live parameters of effects.
+
+        Nothing is compiled: everything else in `scene` must be as it was.
+        """
+        bed = replace(self.bed, gravity=float(np.hypot(*scene.gravity)))
+        numbers = choose(scene.solver.kind).numbers(scene, bed)
+        self.epoch = (self.steps, self.time)
+        self.scene, self.bed, self.numbers = scene, bed, numbers
+        self.world.box[None].gravity = scene.gravity
+        self._set_numbers({**numbers, **(live or {})})
+        self.renew()
+
+    def _set_numbers(self, values: dict[str, float]) -> None:
+        constants, pace = self.solver.constants, self.world.pace
+        known = constants.keys
+        for name, value in values.items():
+            if name in known:
+                setattr(constants[None], name, value)
+        pace[None].step, pace[None].speed_cap = self.step, self.numbers["speed_cap"]
 
     def _march(self, count: int) -> None:
         if self.world.layout == "one":
@@ -198,7 +237,7 @@ class Simulation:
     @property
     def lost(self) -> int:
         """Grains that left through open edges."""
-        return self.made - self.count
+        return self.made - self.removed - self.count
 
     def flags(self) -> list[str]:
         """What went wrong so far, a sentence each; empty when all is well."""
@@ -222,14 +261,16 @@ class Simulation:
 
     def save(self, path: str | Path) -> None:
         """Writes a checkpoint from which `resume` goes on as if nothing had happened."""
-        about = {"scene": self.scene.to_json(), "made": self.made, "lost": self.lost}
+        about = {"scene": self.scene.to_json(), "lost": self.lost, "room": self.room, "hand": self.hand is not None}
+        about |= {name: getattr(self, name) for name in ("made", "removed", "epoch", "numbers")}
         checkpoint.save(path, about, self._fields())
 
     @classmethod
     def resume(cls, path: str | Path, *, arch: str = "cpu", threads: int | None = None) -> Self:
         """The simulation that was saved to `path`; SandError if the file is damaged, foreign or of another version."""
         about, arrays = checkpoint.load(path)
-        sim = cls(Scene.from_json(about["scene"]), arch=arch, threads=threads)
+        sim = cls(Scene.from_json(about["scene"]), arch=arch, threads=threads, room=about["room"], hand=about["hand"])
         checkpoint.restore(sim._fields(), arrays, path)
+        sim.made, sim.removed, sim.epoch, sim.numbers = about["made"], about["removed"], tuple(about["epoch"]), about["numbers"]
         sim.steps = int(sim.world.pace[None].done)
         return sim

@@ -2,7 +2,8 @@
 
 A module declares PARAMETERS (scene.parameters.Parameter), SOLVERS it fits, TURNS (whether it can turn a grain), memory(values, solver):
 how many columns that follow a pair it needs, and build(values, columns, solver): the object whose ti.func methods the solver calls.
-For md: tangent and release; for rigid: cone. Their argument c holds the live parameters too: `mu` of friction is c.friction_mu.
+For md: tangent and release; for rigid: cone; for both: body(w, c, i), force and torque on grain i as a whole in every step. Their
+argument c holds the live parameters too: `mu` of friction is c.friction_mu.
 """
 
 import importlib

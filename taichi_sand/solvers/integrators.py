@@ -3,7 +3,7 @@
 import taichi as ti
 
 from taichi_sand.world.geometry import movable, wrench
-from taichi_sand.world.motion import drift
+from taichi_sand.world.motion import drift, with_body
 
 
 @ti.func
@@ -13,6 +13,6 @@ def symplectic_euler(w: ti.template(), s: ti.template(), c: ti.template(), start
     h = c.step
     gravity = wrench(w.box[None].gravity, 0.0)
     for i in range(start, end):
-        g.twist[i] += h * (g.wrench[i] * g.mobility[i] + gravity * movable(w, i))
+        g.twist[i] += h * (with_body(w, s, c, i, g.wrench[i], 1.0) * g.mobility[i] + gravity * movable(w, i))
         g.wrench[i] = ti.Vector([0.0, 0.0, 0.0, 0.0])
     drift(w, start, end)

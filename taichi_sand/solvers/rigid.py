@@ -15,7 +15,7 @@ import taichi as ti
 
 from taichi_sand.solvers.tolerance import Bed, rigid_numbers
 from taichi_sand.world.geometry import at_least, distance_to_second, movable, perp, spin, velocity, within, wrench
-from taichi_sand.world.motion import drift
+from taichi_sand.world.motion import drift, with_body
 from taichi_sand.world.sweep import each_grain, going, nothing, sweep
 from taichi_sand.world.tables import fill_struct
 
@@ -61,13 +61,19 @@ def kick(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
     g = ti.static(w.grains)
     gravity = wrench(w.box[None].gravity * c.step, 0.0)
     for i in range(start, end):
-        g.twist[i] += g.wrench[i] * g.mobility[i] + gravity * movable(w, i)
+        g.twist[i] += with_body(w, s, c, i, g.wrench[i], c.step) * g.mobility[i] + gravity * movable(w, i)
 
 
 @ti.func
 def move(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
     """Drift, as the grain function of a sweep; clears the impulses for the sweep that follows."""
     drift(w, start, end)
+    lay_nothing_by(w, s, c, start, end)
+
+
+@ti.func
+def lay_nothing_by(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
+    """Clears the impulses, as a grain function of a sweep."""
     for i in range(start, end):
         w.grains.wrench[i] = ti.Vector([0.0, 0.0, 0.0, 0.0])
 
@@ -197,21 +203,41 @@ def look(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.templ
 @ti.func
 def relax(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
     """Second sweep, where the grains have moved to; lays by what the pair carries for the next step."""
-    pairs = ti.static(w.pairs)
-    g = ti.static(w.grains)
-    i = pairs.first[p]
-    normal, gap = pairs.normal[p], pairs.gap[p]
     carried = project(w, s, c, p, wall, False)
     goal = REFERENCE_SHARE * carried.x * c.rate
     crept = s.reference[p] + c.reference_rate * (goal - s.reference[p])
     s.reference[p] = ti.select(crept < goal, crept, goal)
+    lay_by(w, p, carried, wall)
+
+
+@ti.func
+def lay_by(w: ti.template(), p, carried, wall: ti.template()):
+    """Adds the impulse that pair p carries to what its grains start the next step with."""
+    pairs = ti.static(w.pairs)
+    g = ti.static(w.grains)
     if carried.x > 0.0:
+        i = pairs.first[p]
         j = i if ti.static(wall) else pairs.second[p]
+        normal, gap = pairs.normal[p], pairs.gap[p]
         arm_i, arm_j = arms(w, i, j, gap, wall)
         push = carried.x * normal + carried.y * perp(normal)
         g.wrench[i] -= wrench(push, arm_i * carried.y)
         if ti.static(not wall):
             g.wrench[j] += wrench(push, -arm_j * carried.y)
+
+
+@ti.func
+def lay_by_again(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
+    """The same for what the pair carried last, as a pair function of a sweep."""
+    lay_by(w, p, w.pairs.force[p] * c.step, wall)
+
+
+@ti.kernel
+def renew(w: ti.template(), s: ti.template()):
+    """What the grains start the next step with, from the pairs there are: after grains, walls or the step have been changed by hand."""
+    c = s.constants[None]
+    each_grain(w, lay_nothing_by, s, c)
+    sweep(w, (lay_by_again,), nothing, s, c, going)
 
 
 @ti.func

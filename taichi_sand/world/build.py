@@ -66,11 +66,11 @@ def lay_walls(scene: Any, spacing: tuple[float, float], sites: tuple[int, int], 
     return build_walls(parts, spacing, sites, reach, real)
 
 
-def make_world(scene: Any, pack: Pack, extra: int, turns: bool, gpu: bool) -> World:
-    """World of `scene` with room for the grains of `pack`; `extra` columns of the pair table follow a pair, as its force does."""
+def make_world(scene: Any, pack: Pack, extra: int, turns: bool, gpu: bool, room: int = 0) -> World:
+    """World of `scene` with room for the grains of `pack` and `room` more; `extra` columns of the pair table follow a pair."""
     real = ti.f64 if scene.solver.precision == 64 else ti.f32
     count = len(pack.radius)
-    capacity = round_up(count + 1)
+    capacity = round_up(count + room + 1)
     radius = pack.radius if count else np.array([0.01 * min(scene.size)])
     largest, diameter = 2 * float(radius.max()), 2 * float(radius.mean())
     edges = [getattr(scene.edges, side) for side in SIDES]
@@ -78,15 +78,15 @@ def make_world(scene: Any, pack: Pack, extra: int, turns: bool, gpu: bool) -> Wo
     spacing, sites = lay_lattice(scene.size, diameter, capacity)
     least_cell, cells = plan_cells(scene.size, largest, capacity)
     layout = "cells" if gpu else "strips" if count >= STRIPS_FROM else "one"
-    room = round_up(cells + 1)
-    blocks = {"one": 1, "strips": STRIPS, "cells": room}[layout]
+    cells = round_up(cells + 1)
+    blocks = {"one": 1, "strips": STRIPS, "cells": cells}[layout]
     wall_half = WALL_PAIRS_PER_GRAIN * capacity
     wall_base = PAIRS_PER_GRAIN * (capacity + LANES * min(blocks, STRIPS))
     world = World(
         grains=allocate_grains(real, capacity),
         pairs=allocate_pairs(real, capacity, wall_base + wall_half, extra),
         blocks=allocate_blocks(blocks),
-        grid=allocate_grid(real, capacity, room),
+        grid=allocate_grid(real, capacity, cells),
         walls=lay_walls(scene, spacing, sites, largest / 2 + MOST_REACH * diameter, real),
         pace=pace_type(real).field(shape=()),
         flags=flags.allocate(),

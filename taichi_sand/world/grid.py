@@ -63,11 +63,11 @@ def anchor(w: ti.template(), i):
 
 @ti.func
 def outside(w: ti.template(), i):
-    """1 if grain i has wholly left through an open edge; one found behind a closed edge is put back and flagged."""
+    """1 if grain i has wholly left through an open edge, or was taken out; one found behind a closed edge is put back and flagged."""
     g = ti.static(w.grains)
     box = w.box[None]
     p, r = position(w, i), g.radius[i]
-    left = 0
+    left = ti.cast(g.id[i] < 0, ti.i32)
     for k in ti.static(range(2)):
         if ti.static(not w.periodic[k]):
             for end in ti.static(range(2)):

@@ -25,6 +25,16 @@ def guarded(w: ti.template(), i):
 
 
 @ti.func
+def with_body(w: ti.template(), s: ti.template(), c: ti.template(), i, load, time: ti.template()):
+    """`load` on grain i and what the effects add to it as a body force (x, y, torque, 0) [N, N, N m], times `time`."""
+    total = load
+    for effect in ti.static(s.effects):
+        if ti.static(hasattr(effect, "body")):
+            total += time * effect.body(w, c, i)
+    return total
+
+
+@ti.func
 def drift(w: ti.template(), start, end):
     """Moves and turns the grains start .. end-1 for one step, and notes how far they are off the paths that the search foresaw."""
     g = ti.static(w.grains)

@@ -42,7 +42,7 @@ class Grains(NamedTuple):
     mobility: Any  # 1/mass, 1/mass [1/kg], 1/moment of inertia [1/(kg m2)], 0: a 4-vector; zeros = fixed
     wrench: Any  # contact force x, y and torque of this step [N, N, N m] (md), or the contact impulses to start the next step with
     #              [N s, N s, N m s] (rigid), 0: a 4-vector
-    id: Any  # index of the grain in the order in which the scene made them, i32 scalar
+    id: Any  # index of the grain in the order in which they were made, i32 scalar; below 0 = the next search drops it
     kind: Any  # which [[grains]] table made it, i32 scalar
 
 

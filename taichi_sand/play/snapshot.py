@@ -1,0 +1,133 @@
+"""A simulation at one moment, in memory: what undo, reset and session recordings go back to, bit for bit."""
+
+import io
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from taichi_sand.scene.errors import SandError
+from taichi_sand.scene.schema import Scene
+from taichi_sand.simulation import Simulation
+from taichi_sand.solvers.tolerance import Bed
+from taichi_sand.world.checkpoint import read_field
+
+HOST = ("steps", "made", "removed", "epoch", "numbers", "bed", "scene")
+"""What a simulation keeps on the host that changes while it runs."""
+
+Spans = list[tuple[int, int]]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The rows of an array that hold something: from where to where, and those rows one after the other."""
+
+    shape: tuple[int, ...]
+    spans: Spans
+    rows: np.ndarray
+
+    def whole(self) -> np.ndarray:
+        """The array, zeros where nothing was kept."""
+        if not self.shape:
+            return self.rows
+        array, start = np.zeros(self.shape, self.rows.dtype), 0
+        for low, high in self.spans:
+            array[low:high] = self.rows[start : start + high - low]
+            start += high - low
+        return array
+
+
+@dataclass
+class Snapshot:
+    """All that the simulation goes on from, without the rows of its tables that hold nothing."""
+
+    host: dict[str, Any]
+    fields: dict[str, Rows]
+    session: dict[str, Any] = field(default_factory=dict)  # what the session keeps with it; must be JSON
+
+
+def tables_of(sim: Simulation) -> dict[str, Any]:
+    """The fields of a simulation by name, each once."""
+    named = {id(table): (name, table) for name, table in reversed(sim._fields().items())}
+    return dict(reversed(named.values()))
+
+
+def take(sim: Simulation, before: Snapshot | None = None) -> Snapshot:
+    """The moment of `sim`. Tables that are as in `before` are shared with it."""
+    spans_of = used_rows(sim)
+    fields = {}
+    for name, table in tables_of(sim).items():
+        for part, array in read_field(table).items():
+            spans = spans_of(name, array) if array.ndim else []
+            kept = np.concatenate([array[low:high] for low, high in spans]) if array.ndim else array
+            new = Rows(array.shape, spans, kept)
+            old = before.fields.get(name + part) if before else None
+            same = old is not None and old.shape == new.shape and old.spans == spans and np.array_equal(old.rows, kept)
+            fields[name + part] = old if same else new
+    return Snapshot({name: getattr(sim, name) for name in HOST}, fields)
+
+
+def restore(sim: Simulation, snapshot: Snapshot) -> None:
+    """Puts `sim`, of the same structure, back to the moment of `snapshot`."""
+    for name, table in tables_of(sim).items():
+        stored = {part: snapshot.fields.get(name + part) for part in read_field(table)}
+        if any(rows is None or rows.shape != shape_of(table, part) for part, rows in stored.items()):
+            raise SandError(f"this state holds no {name} that fits the simulation; it comes from another scene or version")
+        wholes = {part: rows.whole() for part, rows in stored.items()}
+        table.from_numpy(wholes[""] if "" in wholes else {part[1:]: array for part, array in wholes.items()})
+    for name, value in snapshot.host.items():
+        setattr(sim, name, value)
+
+
+def shape_of(table: Any, part: str) -> tuple[int, ...]:
+    """Shape of the array that `read_field` gives for a part of a field."""
+    member = table.get_member_field(part[1:]) if part else table
+    return tuple(member.shape) + ((member.n,) if hasattr(member, "n") else ())
+
+
+def used_rows(sim: Simulation) -> Callable[[str, np.ndarray], Spans]:
+    """A function from the name and array of a field to the spans of its rows that are in use."""
+    world = sim.world
+    count, half = int(world.count[None]), int(world.pace[None].half)
+    base, walls = half * world.half, half * world.half + world.wall_base
+    pair_end = min(walls, max(base, int(world.blocks.pair_end.to_numpy().max())))
+    wall_end = min(base + world.half, max(walls, int(world.blocks.wall_end.to_numpy().max())))
+    pairs = {
+        2 * world.half: [(base, pair_end), (walls, wall_end)],
+        2 * world.wall_half: [(half * world.wall_half, half * world.wall_half + wall_end - walls)],
+        2 * world.capacity: [(half * world.capacity, half * world.capacity + count)],
+    }
+
+    def spans(name: str, array: np.ndarray) -> Spans:
+        rows = len(array)
+        if (name.startswith(".0.grains") or name.startswith(".0.grid")) and rows == world.capacity:
+            return [(0, count)]
+        if name.startswith(".0.pairs") and rows in pairs:
+            return pairs[rows]
+        return [(0, rows)]
+
+    return spans
+
+
+def to_bytes(snapshot: Snapshot) -> bytes:
+    """The snapshot as the bytes of an .npz file."""
+    host = {**snapshot.host, "scene": snapshot.host["scene"].to_json(), "bed": asdict(snapshot.host["bed"])}
+    shapes = {name: [rows.shape, rows.spans] for name, rows in snapshot.fields.items()}
+    head = json.dumps({"host": host, "session": snapshot.session, "shapes": shapes}).encode()
+    file = io.BytesIO()
+    arrays = {name: rows.rows for name, rows in snapshot.fields.items()}
+    np.savez_compressed(file, head=np.frombuffer(head, np.uint8), **arrays)
+    return file.getvalue()
+
+
+def from_bytes(data: bytes) -> Snapshot:
+    """What `to_bytes` made."""
+    with np.load(io.BytesIO(data), allow_pickle=False) as file:
+        arrays = {name: file[name] for name in file.files}
+    head = json.loads(arrays.pop("head").tobytes().decode())
+    host = head["host"]
+    host |= {"scene": Scene.from_json(host["scene"]), "bed": Bed(**host["bed"]), "epoch": tuple(host["epoch"])}
+    spans = {name: (tuple(shape), [tuple(span) for span in spans]) for name, (shape, spans) in head["shapes"].items()}
+    return Snapshot(host, {name: Rows(*spans[name], rows) for name, rows in arrays.items()}, head["session"])

@@ -1,0 +1,123 @@
+"""Grains that come, go, are held or let go while the simulation runs.
+
+Every change leaves the pair table as it is and asks for a search: the pairs that stay find their memory again.
+"""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from taichi_sand.world.geometry import position
+from taichi_sand.world.tables import World
+
+NUMBERS = 9
+"""Columns of `put`: offset x, y, velocity x, y, spin, angle, radius, 1/mass, 1/inertia."""
+
+
+@ti.kernel
+def put(w: ti.template(), numbers: ti.types.ndarray(), whole: ti.types.ndarray()):
+    """Writes new grains behind those there are; `whole` is site x, y, id, kind."""
+    g = ti.static(w.grains)
+    ti.loop_config(serialize=True)
+    for k in range(whole.shape[0]):
+        i = w.count[None] + k
+        g.site[i], g.id[i], g.kind[i] = ti.Vector([whole[k, 0], whole[k, 1]]), whole[k, 2], whole[k, 3]
+        g.offset[i], g.shift[i] = ti.Vector([numbers[k, 0], numbers[k, 1]]), ti.Vector([0.0, 0.0])
+        g.start_velocity[i] = ti.Vector([numbers[k, 2], numbers[k, 3]])
+        g.twist[i] = ti.Vector([numbers[k, 2], numbers[k, 3], numbers[k, 4], 0.0])
+        g.angle[i], g.turn[i], g.radius[i] = numbers[k, 5], 0.0, numbers[k, 6]
+        g.mobility[i] = ti.Vector([numbers[k, 7], numbers[k, 7], numbers[k, 8], 0.0])
+        g.wrench[i] = ti.Vector([0.0, 0.0, 0.0, 0.0])
+        for half in ti.static(range(2)):  # nobody remembers a pair of a grain that was not there
+            w.pairs.row_count[half * w.capacity + i], w.pairs.wall_row_count[half * w.capacity + i] = 0, 0
+
+
+@ti.kernel
+def drop(w: ti.template(), slots: ti.types.ndarray()):
+    """The next search takes these out."""
+    ti.loop_config(serialize=True)
+    for k in range(slots.shape[0]):
+        w.grains.id[slots[k]] = -1
+
+
+@ti.kernel
+def set_mobility(w: ti.template(), slots: ti.types.ndarray(), mobility: ti.types.ndarray()):
+    """New inverse mass and inertia; what is held stops."""
+    g = ti.static(w.grains)
+    ti.loop_config(serialize=True)
+    for k in range(slots.shape[0]):
+        i = slots[k]
+        m = ti.cast(mobility[k, 0], w.real)
+        g.mobility[i] = ti.Vector([m, m, ti.cast(mobility[k, 1], w.real), 0.0])
+        if m == 0.0:
+            g.twist[i] = ti.Vector([0.0, 0.0, 0.0, 0.0])
+
+
+@ti.kernel
+def read_places(w: ti.template(), numbers: ti.types.ndarray(), whole: ti.types.ndarray()):
+    """See `places`."""
+    ti.loop_config(serialize=True)
+    for i in range(w.count[None]):
+        p = position(w, i)
+        numbers[i, 0], numbers[i, 1], numbers[i, 2] = p.x, p.y, w.grains.radius[i]
+        whole[i, 0], whole[i, 1] = w.grains.id[i], w.grains.kind[i]
+        whole[i, 2] = ti.cast(w.grains.mobility[i].x == 0.0, ti.i32)
+
+
+def real_of(world: World) -> Any:
+    """The NumPy type of the world's numbers."""
+    return np.float64 if world.real == ti.f64 else np.float32
+
+
+def places(world: World) -> tuple[np.ndarray, np.ndarray]:
+    """By slot: x, y, radius [m] (n, 3), within the box where it is periodic; id, kind, whether it is fixed (n, 3) int32."""
+    count = world.count[None]
+    numbers, whole = np.zeros((max(count, 1), 3), real_of(world)), np.zeros((max(count, 1), 3), np.int32)
+    read_places(world, numbers, whole)
+    numbers = numbers[:count].astype(float)
+    for k, wraps in enumerate(world.periodic):
+        if wraps:
+            numbers[:, k] %= world.box[None].size[k]
+    return numbers, whole[:count]
+
+
+def room(world: World) -> int:
+    """Grains that can still be added; the last slot stays empty."""
+    return world.capacity - 1 - world.count[None]
+
+
+def add(world: World, grains: dict[str, np.ndarray], first_id: int) -> None:
+    """Adds grains with the ids first_id, first_id + 1, …; there must be `room`. The caller keeps them off others.
+
+    Args:
+        world: where to.
+        grains: position, velocity (n, 2), angle, spin, radius, mass, inertia, kind (n,); SI.
+        first_id: an id that was never given before, and all above it.
+    """
+    count = len(grains["radius"])
+    spacing = np.array(world.box[None].spacing.to_list())
+    site = np.floor(grains["position"] / spacing)
+    numbers = np.column_stack(
+        [grains["position"] - (site + 0.5) * spacing, grains["velocity"]]
+        + [grains[name] for name in ("spin", "angle", "radius")]
+        + [1 / grains["mass"], 1 / grains["inertia"]]
+    ).astype(real_of(world))
+    whole = np.column_stack([site, first_id + np.arange(count), grains["kind"]]).astype(np.int32)
+    put(world, numbers, whole)
+    world.count[None] += count
+    world.pace[None].spent = 1
+
+
+def remove(world: World, slots: np.ndarray) -> None:
+    """Takes the grains in these slots (n,) out, with the next search."""
+    if len(slots):
+        drop(world, np.ascontiguousarray(slots, np.int32))
+        world.pace[None].spent = 1
+
+
+def hold(world: World, slots: np.ndarray, mobility: np.ndarray) -> None:
+    """Gives the grains in these slots (n,) an inverse mass and inertia (n, 2) [1/kg, 1/(kg m2)]; zeros hold them in place."""
+    if len(slots):
+        set_mobility(world, np.ascontiguousarray(slots, np.int32), np.ascontiguousarray(mobility, real_of(world)))
+        world.pace[None].spent = 1
