@@ -101,7 +101,7 @@ class Simulation:
         if self.hand:
             built.append(self.hand)
         self.numbers = solver.numbers(scene, self.bed)
-        self.solver = solver.build(scene, self.numbers, effect_modules.live(self.effects), own, tuple(built), self.world.real)
+        self.solver = solver.build(scene, self.numbers, effect_modules.live(self.effects), own, tuple(built), self.world)
 
     def _start_steps(self) -> None:
         pace = self.world.pace

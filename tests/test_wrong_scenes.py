@@ -81,7 +81,7 @@ SCENES = {  # name: (text of the scene file, what the sentence must hold)
     "hertz in md": (solver('kind = "md"\nhertz = 30'), r"solver\.hertz belongs to the rigid solver; this scene uses md"),
     "stiffness in rigid": (solver("stiffness = 1e5"), r"solver\.stiffness belongs to the md solver; this scene uses rigid"),
     "stiffness and k_r": (solver('kind = "md"\nstiffness = 1e5\nk_r = 1e5'), r"solver\.stiffness and `k_r` exclude"),
-    "integrator": (solver('kind = "md"\nintegrator = "euler"'), r"solver\.integrator = .*symplectic_euler"),
+    "integrator": (solver('kind = "md"\nintegrator = "explicit_euler"'), r"solver\.integrator = .*symplectic_euler, velocity_verlet, rk4"),
     "alpha without law": (solver('kind = "md"\nalpha = 1'), r'solver\.alpha belongs to law = "custom"'),
     "law without exponents": (solver('kind = "md"\nlaw = "custom"'), r"solver\.law = .*needs `alpha` and `beta`"),
     "law without damping": (solver('kind = "md"\nlaw = "custom"\nalpha = 1\nbeta = 2'), r"solver\.law = .*needs `k_d`"),

@@ -81,7 +81,7 @@ class Solver(Table):
     substeps: Whole | None = key(None, "rigid: steps in 1/60 s, instead of `step`", ge=1, le=100_000)
     hertz: Number | None = key(None, "rigid: frequency of the soft contact", "Hz", gt=0)
     stiffness: Number | None = key(None, "md: force / overlap at the tolerated overlap", "N/m", gt=0)
-    integrator: Literal["symplectic_euler"] = key("symplectic_euler", "md: how velocity and position are advanced")
+    integrator: Literal["symplectic_euler", "velocity_verlet", "rk4"] = key("symplectic_euler", "md: how velocity and place advance")
     law: Literal["linear", "hertz", "custom"] = key("linear", "md: normal force; custom takes `alpha`, `beta` and `k_d`")
     k_r: Number | None = key(None, "md: coefficient of the elastic force k_r ζ^beta, instead of `stiffness`", "N/m^beta", gt=0)
     k_d: Number | None = key(None, "md: coefficient of the damping force k_d ζ^alpha ζ', instead of `restitution`", "N s/m^(1+alpha)", ge=0)

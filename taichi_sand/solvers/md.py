@@ -11,14 +11,12 @@ from typing import Any
 
 import taichi as ti
 
-from taichi_sand.solvers.integrators import symplectic_euler
+from taichi_sand.solvers.integrators import INTEGRATORS, Stages, allocate_stages
 from taichi_sand.solvers.tolerance import Bed, md_numbers
 from taichi_sand.world.geometry import at_least, distance_to_second, perp, spin, velocity, wrench
-from taichi_sand.world.sweep import going, sweep
-from taichi_sand.world.tables import fill_struct
+from taichi_sand.world.tables import World, fill_struct
 
 MEMORY = 0
-INTEGRATORS = {"symplectic_euler": symplectic_euler}
 
 
 def constants_type(real: Any, live: Iterable[str]) -> Any:
@@ -40,7 +38,8 @@ class MolecularDynamics:
     constants: Any  # 0-D field of constants_type
     law: str  # linear, hertz or custom
     weighted: bool  # whether `damping` is to be multiplied by the root of the effective mass; if not it is k_d itself
-    integrator: Any  # a grain function of the sweep
+    integrator: Any  # ti.func of solvers.integrators
+    stages: Stages | None  # what RK4 keeps within a step
     effects: tuple
     step: Any  # ti.func of one step
 
@@ -106,9 +105,9 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
 
 @ti.func
 def step(w: ti.template(), s: ti.template()):
-    """One step: forces of all pairs, then the motion of all grains."""
+    """One step: the integrator sweeps the forces of all pairs, and moves the grains."""
     c = s.constants[None]
-    sweep(w, (contact,), s.integrator, s, c, going)
+    s.integrator(w, s, c, (contact,))
 
 
 def numbers(scene: Any, bed: Bed) -> dict[str, float]:
@@ -116,7 +115,9 @@ def numbers(scene: Any, bed: Bed) -> dict[str, float]:
     return md_numbers(scene, bed)
 
 
-def build(scene: Any, values: dict[str, float], live: dict[str, float], own: list, effects: tuple, real: Any) -> MolecularDynamics:
+def build(scene: Any, values: dict[str, float], live: dict[str, float], own: list, effects: tuple, world: World) -> MolecularDynamics:
     """The solver for a world; `own` holds the columns of the pair table that MEMORY asked for, `live` the effects' live parameters."""
-    constants = fill_struct(constants_type(real, live), {**values, **live})
-    return MolecularDynamics(constants, scene.solver.law, scene.solver.k_d is None, INTEGRATORS[scene.solver.integrator], effects, step)
+    solver = scene.solver
+    constants = fill_struct(constants_type(world.real, live), {**values, **live})
+    stages = allocate_stages(world.real, world.capacity) if solver.integrator == "rk4" else None
+    return MolecularDynamics(constants, solver.law, solver.k_d is None, INTEGRATORS[solver.integrator], stages, effects, step)

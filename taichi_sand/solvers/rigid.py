@@ -17,7 +17,7 @@ from taichi_sand.solvers.tolerance import Bed, rigid_numbers
 from taichi_sand.world.geometry import at_least, distance_to_second, movable, perp, spin, velocity, within, wrench
 from taichi_sand.world.motion import drift, with_body
 from taichi_sand.world.sweep import each_grain, going, nothing, sweep
-from taichi_sand.world.tables import fill_struct
+from taichi_sand.world.tables import World, fill_struct
 
 MEMORY = 1
 REFERENCE_SHARE = 0.8
@@ -283,6 +283,6 @@ def numbers(scene: Any, bed: Bed) -> dict[str, float]:
     return rigid_numbers(scene.solver, bed)
 
 
-def build(scene: Any, values: dict[str, float], live: dict[str, float], own: list, effects: tuple, real: Any) -> Rigid:
+def build(scene: Any, values: dict[str, float], live: dict[str, float], own: list, effects: tuple, world: World) -> Rigid:
     """The solver for a world; `own` holds the columns of the pair table that MEMORY asked for, `live` the effects' live parameters."""
-    return Rigid(fill_struct(constants_type(real, live), {**values, **live}), own[0], effects, step)
+    return Rigid(fill_struct(constants_type(world.real, live), {**values, **live}), own[0], effects, step)

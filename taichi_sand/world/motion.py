@@ -35,6 +35,14 @@ def with_body(w: ti.template(), s: ti.template(), c: ti.template(), i, load, tim
 
 
 @ti.func
+def check_speed(w: ti.template(), i, cap):
+    """Sees to it that the motion of grain i can be followed: no faster than `cap` [m/s]."""
+    v = velocity(w, i)
+    if not (v.dot(v) <= cap * cap) or not (spin(w, i) * spin(w, i) >= 0.0):
+        w.grains.twist[i] = guarded(w, i)
+
+
+@ti.func
 def drift(w: ti.template(), start, end):
     """Moves and turns the grains start .. end-1 for one step, and notes how far they are off the paths that the search foresaw."""
     g = ti.static(w.grains)
@@ -43,10 +51,8 @@ def drift(w: ti.template(), start, end):
     time = ti.cast(w.pace[None].since + 1, w.real) * step
     off_path = 0.0
     for i in range(start, end):
+        check_speed(w, i, cap)
         v = velocity(w, i)
-        if not (v.dot(v) <= cap * cap) or not (spin(w, i) * spin(w, i) >= 0.0):
-            g.twist[i] = guarded(w, i)
-            v = velocity(w, i)
         shift = g.shift[i] + v * step
         g.shift[i] = shift
         off = shift - g.start_velocity[i] * time
