@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from helpers import D, Disc, G, K, M, R, chain_forces, simulate, unit
+
 from taichi_sand.study.reference import chain, first_bounce, zeta_for
 
 T_C = math.pi * math.sqrt(M / 2 / K)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import taichi as ti
 from helpers import INERTIA, OPEN, D, Disc, G, K, M, R, perp, simulate, unit
+
 from taichi_sand.study.reference import slip_on_disc
 
 T_C = math.pi * math.sqrt(M / 2 / K)

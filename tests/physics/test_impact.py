@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from helpers import INERTIA, D, Disc, Gallery, K, M, R, simulate
+
 from taichi_sand.study.reference import clipped_restitution, hard_impact, impact, spring_impact, zeta_for
 
 T_C = math.pi * math.sqrt(M / 2 / K)
