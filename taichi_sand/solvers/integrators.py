@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import taichi as ti
 
-from taichi_sand.world.geometry import movable, wrench
+from taichi_sand.world.geometry import add, movable, wrench
 from taichi_sand.world.motion import check_speed, drift, with_body
 from taichi_sand.world.sweep import each_grain, going, sweep
 
@@ -42,7 +42,7 @@ def kick(w: ti.template(), time, start, end):
     g = ti.static(w.grains)
     gravity = wrench(w.box[None].gravity, 0.0)
     for i in range(start, end):
-        g.twist[i] += time * acceleration(w, g.wrench[i], gravity, i)
+        add(g.twist, i, time * acceleration(w, g.wrench[i], gravity, i))
 
 
 @ti.func
@@ -59,7 +59,7 @@ def kick_and_drift(w: ti.template(), s: ti.template(), c: ti.template(), start, 
     gravity = wrench(w.box[None].gravity, 0.0)
     h = c.step
     for i in range(start, end):
-        g.twist[i] += h * acceleration(w, with_body(w, s, c, i, g.wrench[i], 1.0), gravity, i)
+        add(g.twist, i, h * acceleration(w, with_body(w, s, c, i, g.wrench[i], 1.0), gravity, i))
         g.wrench[i] = ti.Vector([0.0, 0.0, 0.0, 0.0])
     drift(w, start, end)
 
@@ -125,8 +125,8 @@ def runge_kutta(w: ti.template(), s: ti.template(), c: ti.template(), start, end
         if stage == 0:
             r.place[i], r.twist[i] = ti.Vector([g.shift[i].x, g.shift[i].y, g.turn[i], 0.0]), v
             r.moved[i], r.gained[i] = ti.Vector([0.0, 0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0, 0.0])
-        r.moved[i] += weight * v
-        r.gained[i] += weight * a
+        add(r.moved, i, weight * v)
+        add(r.gained, i, weight * a)
         place = r.place[i]
         if stage < 3:
             place += ahead * v

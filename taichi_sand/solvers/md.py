@@ -13,7 +13,7 @@ import taichi as ti
 
 from taichi_sand.solvers.integrators import INTEGRATORS, Stages, allocate_stages
 from taichi_sand.solvers.tolerance import Bed, md_numbers
-from taichi_sand.world.geometry import at_least, distance_to_second, perp, spin, velocity, wrench
+from taichi_sand.world.geometry import add, at_least, distance_to_second, perp, spin, velocity, wrench
 from taichi_sand.world.tables import World, fill_struct
 
 MEMORY = 0
@@ -93,9 +93,9 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
                 if ti.static(hasattr(effect, "tangent")):
                     force.y += effect.tangent(w, c, p, wall, force.x, slip, stiffness, dashpot)
         push = force.x * normal + force.y * perp(normal)
-        g.wrench[i] -= wrench(push, arm_i * force.y)
+        add(g.wrench, i, -wrench(push, arm_i * force.y))
         if ti.static(not wall):
-            g.wrench[j] += wrench(push, -arm_j * force.y)
+            add(g.wrench, j, wrench(push, -arm_j * force.y))
     else:
         for effect in ti.static(s.effects):
             if ti.static(hasattr(effect, "release")):

@@ -14,7 +14,7 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.solvers.tolerance import Bed, rigid_numbers
-from taichi_sand.world.geometry import at_least, distance_to_second, movable, perp, spin, velocity, within, wrench
+from taichi_sand.world.geometry import add, at_least, distance_to_second, movable, perp, spin, velocity, within, wrench
 from taichi_sand.world.motion import drift, with_body
 from taichi_sand.world.sweep import each_grain, going, nothing, sweep
 from taichi_sand.world.tables import World, fill_struct
@@ -61,7 +61,7 @@ def kick(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
     g = ti.static(w.grains)
     gravity = wrench(w.box[None].gravity * c.step, 0.0)
     for i in range(start, end):
-        g.twist[i] += with_body(w, s, c, i, g.wrench[i], c.step) * g.mobility[i] + gravity * movable(w, i)
+        add(g.twist, i, with_body(w, s, c, i, g.wrench[i], c.step) * g.mobility[i] + gravity * movable(w, i))
 
 
 @ti.func
@@ -124,9 +124,9 @@ def give(w: ti.template(), i, j, impulse, normal, arm_i, arm_j, wall: ti.templat
     """Applies an impulse (normal, tangential) [N s] to the second grain of a pair, and its opposite to the first."""
     g = ti.static(w.grains)
     push = impulse.x * normal + impulse.y * perp(normal)
-    g.twist[i] -= wrench(push, arm_i * impulse.y) * g.mobility[i]
+    add(g.twist, i, -wrench(push, arm_i * impulse.y) * g.mobility[i])
     if ti.static(not wall):
-        g.twist[j] += wrench(push, -arm_j * impulse.y) * g.mobility[j]
+        add(g.twist, j, wrench(push, -arm_j * impulse.y) * g.mobility[j])
 
 
 @ti.func
@@ -221,9 +221,9 @@ def lay_by(w: ti.template(), p, carried, wall: ti.template()):
         normal, gap = pairs.normal[p], pairs.gap[p]
         arm_i, arm_j = arms(w, i, j, gap, wall)
         push = carried.x * normal + carried.y * perp(normal)
-        g.wrench[i] -= wrench(push, arm_i * carried.y)
+        add(g.wrench, i, -wrench(push, arm_i * carried.y))
         if ti.static(not wall):
-            g.wrench[j] += wrench(push, -arm_j * carried.y)
+            add(g.wrench, j, wrench(push, -arm_j * carried.y))
 
 
 @ti.func

@@ -202,7 +202,7 @@ def main() -> None:
     console, runs, folder = Console(), given.runs, given.native
     settings = {
         5000: ((0.04, 0.02, 0.01), 1 / 960, ["-f", "480", "-it", "8", "-pit", "4"]),
-        20000: ((0.04, 0.02), 1 / 240, ["-f", "240", "-it", "10", "-pit", "5"]),
+        20000: ((0.3, 0.08, 0.04), 1 / 240, ["-f", "240", "-it", "10", "-pit", "5"]),
     }
     for count, (ladder, step, options) in settings.items():
         if count <= given.most:

@@ -3,7 +3,7 @@
 import taichi as ti
 
 from taichi_sand.world.flags import NOT_FINITE, TOO_FAST, flag
-from taichi_sand.world.geometry import at_least, spin, velocity
+from taichi_sand.world.geometry import add, at_least, spin, velocity
 
 
 @ti.func
@@ -58,7 +58,7 @@ def drift(w: ti.template(), start, end):
         off = shift - g.start_velocity[i] * time
         off_path = at_least(off_path, off.dot(off))
         if ti.static(w.turns):
-            g.turn[i] += spin(w, i) * step
+            add(g.turn, i, spin(w, i) * step)
     ti.atomic_max(w.pace[None].off_path, off_path)
 
 
