@@ -33,21 +33,23 @@ _HOMES = {
 }
 
 
-def load(name_or_path: str | Path, overrides: Sequence[str] = ()) -> "Scene":
+def load(name_or_path: str | Path, overrides: Sequence[str] = (), effects: Sequence[str | Path] = ()) -> "Scene":
     """Reads a scene from a file, or a bundled one by name, and checks it, effects included.
 
     Args:
         name_or_path: a path, or a name that `taichi-sand scenes` lists.
         overrides: `KEY=VALUE` each, as with `--set` on the command line.
+        effects: Python files with effects of your own, as with `--effect`; each is on, with its defaults unless the scene names it.
 
     Raises:
         SandError: something is wrong with it, told in one sentence.
     """
-    from taichi_sand import effects
+    from taichi_sand import effects as effect_modules
     from taichi_sand.scene import loading
 
-    scene = loading.load(name_or_path, overrides)
-    effects.check(scene)
+    own = [effect_modules.add(path) for path in effects]
+    scene = loading.load(name_or_path, overrides, own)
+    effect_modules.check(scene)
     return scene
 
 

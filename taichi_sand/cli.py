@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 import taichi_sand
-from taichi_sand import printing
+from taichi_sand import effects, printing
 from taichi_sand.scene import loading
 from taichi_sand.scene.errors import PhysicsError, SandError
 
@@ -35,6 +35,10 @@ Seconds = Annotated[float | None, typer.Option("--seconds", help="Simulated seco
 Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Any scene key by dotted path, such as solver.kind=md; repeatable."),
+]
+Effects = Annotated[
+    list[Path] | None,
+    typer.Option("--effect", metavar="FILE", help="Python file with an effect of your own, which is then on; repeatable."),
 ]
 Arch = Annotated[Literal["cpu", "cuda", "vulkan", "metal", "gpu"], typer.Option("--arch", help="Where kernels run.")]
 Threads = Annotated[int | None, typer.Option("--threads", min=1, help="CPU threads; results do not depend on it.")]
@@ -93,6 +97,7 @@ def run(
     save: Annotated[Path | None, typer.Option("--save", metavar="FILE", help="Writes a checkpoint at the end.")] = None,
     resume: Annotated[Path | None, typer.Option("--resume", metavar="FILE", help="Goes on from a checkpoint.")] = None,
     overrides: Overrides = None,
+    effect: Effects = None,
     arch: Arch = "cpu",
     threads: Threads = None,
     precision: Precision = None,
@@ -103,7 +108,7 @@ def run(
         if save is not None:
             check_writable(save)
         asked = _overrides(overrides, **{"solver.precision": precision})
-        sim = _start(scene, asked, arch, threads) if resume is None else _resume(resume, scene, asked, arch, threads)
+        sim = _start(scene, asked, effect, arch, threads) if resume is None else _resume(resume, scene, asked, effect, arch, threads)
         if seconds is None:
             seconds = max(0.0, sim.scene.duration - sim.time)
         with progress_bar(sim.scene.title or "run") as progress:
@@ -131,6 +136,7 @@ def render(
     width: Annotated[int | None, typer.Option("--width", help="Pixels; the height follows.")] = None,
     color: Annotated[str | None, typer.Option("--color", help="kind, speed, energy, force, pressure, rotation or order.")] = None,
     overrides: Overrides = None,
+    effect: Effects = None,
     arch: Arch = "cpu",
     threads: Threads = None,
     precision: Precision = None,
@@ -139,7 +145,7 @@ def render(
     with in_one_sentence():
         _check_seconds(seconds)
         view = {"view.fps": fps, "view.width": width, "view.color": color}
-        loaded = taichi_sand.load(scene, _overrides(overrides, **view, **{"solver.precision": precision}))
+        loaded = taichi_sand.load(scene, _overrides(overrides, **view, **{"solver.precision": precision}), effect or ())
         from taichi_sand.view.film import destination, film
 
         check_writable(destination(out)[0])
@@ -183,17 +189,20 @@ def check_writable(path: Path) -> None:
         raise SandError(f"{path} cannot be written: the folder {folder} is read-only")
 
 
-def _start(scene: str | None, overrides: list[str], arch: str, threads: int | None) -> Any:
+def _start(scene: str | None, overrides: list[str], own: list[Path] | None, arch: str, threads: int | None) -> Any:
     if scene is None:
         raise SandError("run needs a SCENE (`taichi-sand scenes` lists those bundled) or --resume FILE")
-    return taichi_sand.Simulation(taichi_sand.load(scene, overrides), arch=arch, threads=threads)
+    return taichi_sand.Simulation(taichi_sand.load(scene, overrides, own or ()), arch=arch, threads=threads)
 
 
-def _resume(file: Path, scene: str | None, overrides: list[str], arch: str, threads: int | None) -> Any:
-    """A simulation from a checkpoint; a scene given with it must be the one that was saved."""
-    wanted: Scene | None = None if scene is None else taichi_sand.load(scene, overrides)
+def _resume(file: Path, scene: str | None, overrides: list[str], own: list[Path] | None, arch: str, threads: int | None) -> Any:
+    """A simulation from a checkpoint; a scene given with it must be the one that was saved. Effects of the user's own are needed again."""
+    wanted: Scene | None = None if scene is None else taichi_sand.load(scene, overrides, own or ())
     if wanted is None and overrides:
         raise SandError(f"--resume {file} brings its own scene, which --set and --precision cannot change")
+    if wanted is None:
+        for path in own or ():
+            effects.add(path)
     sim = taichi_sand.Simulation.resume(file, arch=arch, threads=threads)
     if wanted is not None and wanted.to_json() != sim.scene.to_json():
         raise SandError(f"{file} was saved from another scene than {scene} with these settings; leave SCENE out to go on with it")

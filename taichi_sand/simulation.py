@@ -1,5 +1,6 @@
 """The main loop: search, march, until the time asked for; and the state of a simulation, to read and to keep."""
 
+import math
 import time
 from collections.abc import Callable
 from contextlib import contextmanager
@@ -84,9 +85,8 @@ class Simulation:
     def _lay(self, grains: Any, hand: bool) -> None:
         """World, solver and effects, as structure; the grains come after."""
         scene, kind = self.scene, self.scene.solver.kind
-        modules = {name: effect_modules.module(name) for name in self.effects}
-        columns = {name: module.memory(self.effects[name], kind) for name, module in modules.items()}
-        turns = any(module.TURNS for module in modules.values()) or bool(np.any(grains.spin))
+        columns = {name: effect_modules.columns(name, values, kind) for name, values in self.effects.items()}
+        turns = effect_modules.turns(self.effects) or bool(np.any(grains.spin))
         solver = choose(kind)
         extra = solver.MEMORY + sum(columns.values())
         self.world = make_world(scene, grains, extra, turns, self.arch != "cpu", self.room)
@@ -95,13 +95,15 @@ class Simulation:
         memory = list(self.world.pairs.memory[-extra:]) if extra else []
         own = [memory.pop(0) for _ in range(solver.MEMORY)]
         built = []
-        for name, module in modules.items():
-            built.append(module.build(self.effects[name], [memory.pop(0) for _ in range(columns[name])], kind))
+        for name, values in self.effects.items():
+            built.append(effect_modules.build(name, values, [memory.pop(0) for _ in range(columns[name])], kind))
         self.hand = hands.allocate(self.world.real) if hand else None
         if self.hand:
             built.append(self.hand)
         self.numbers = solver.numbers(scene, self.bed)
         self.solver = solver.build(scene, self.numbers, effect_modules.live(self.effects), own, tuple(built), self.world)
+        self.pausing = [effect for effect in built if hasattr(effect, "between")]
+        """Effects that act between launches."""
 
     def _start_steps(self) -> None:
         pace = self.world.pace
@@ -133,10 +135,18 @@ class Simulation:
                 progress(done / total)
 
     def advance_steps(self, count: int) -> None:
-        """Simulates `count` steps."""
-        with self._stage("march"):
-            self._march(count)
-        self.steps += count
+        """Simulates `count` steps, with the pauses in which effects act."""
+        end = self.steps + count
+        pauses = [(effect, max(1, math.floor(effect.interval / self.step))) for effect in self.pausing]
+        while self.steps < end:
+            part = min([end - self.steps] + [every - self.steps % every for _, every in pauses])
+            with self._stage("march"):
+                self._march(part)
+            self.steps += part
+            for effect, every in pauses:
+                if self.steps % every == 0:
+                    with self._stage("effects"):
+                        effect.between(self.world, self.solver)
 
     def renew(self) -> None:
         """Searches anew, after grains or walls have been changed by hand; what contacts that are gone carried is forgotten."""

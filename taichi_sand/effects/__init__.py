@@ -1,28 +1,94 @@
-"""Optional physics, one module each; only those that a scene names are imported.
+"""Optional physics, one module each; only those that a scene names are imported. A user's own effect is a file like these.
 
-A module declares PARAMETERS (scene.parameters.Parameter), SOLVERS it fits, TURNS (whether it can turn a grain), memory(values, solver):
-how many columns that follow a pair it needs, and build(values, columns, solver): the object whose ti.func methods the solver calls.
-For md: tangent and release; for rigid: cone; for both: body(w, c, i), force and torque on grain i as a whole in every step. Their
-argument c holds the live parameters too: `mu` of friction is c.friction_mu.
+A module declares PARAMETERS (scene.parameters.Parameter), SOLVERS (those it fits), and if need be TURNS = True (it can turn grains) and
+memory(values, solver), how many columns that follow a pair it needs. build(values, columns, solver) makes the object whose methods
+are the hooks. HOOKS is the closed list of them; all but `between` are ti.funcs that the solver folds into its own kernels. Their
+argument w is the world, c the numbers of the solver and the live parameters (`mu` of friction is c.friction_mu), p a row of the pair table.
 """
 
 import importlib
+import importlib.util
 import pkgutil
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from taichi_sand.scene.errors import suggest
-from taichi_sand.scene.parameters import check_table
+from taichi_sand.scene.errors import SandError, suggest
+from taichi_sand.scene.parameters import Parameter, check_table
+
+HOOKS = {
+    "md": {
+        "tangent": "(w, c, p, wall, normal_force, slip, stiffness, dashpot): tangential force on the second grain of pair p [N]",
+        "couple": "(w, c, p, normal_force, roll, radius, stiffness, inertia): torque on the second grain of pair p [N m]",
+        "release": "(w, p): pair p does not touch",
+    },
+    "rigid": {
+        "cone": "(w, c, p, wall, normal): largest tangential impulse of pair p for a normal one [N s]",
+        "spin_cone": "(w, c, p, normal, radius): largest angular impulse [N m s]; the column `torque` keeps what is carried [N m]",
+    },
+    "both": {
+        "body": "(w, c, i): force and torque on grain i in every step, as a wrench [N, N, N m, 0]",
+        "between": "(world, solver): Python, between launches, every `interval` seconds of simulated time",
+    },
+}
+"""What an effect may do, by the solver that calls it; anything else in an effect is not called."""
+KINDS = ("md", "rigid")
+
+own: dict[str, ModuleType] = {}
+"""Effects that users brought, by name."""
 
 
 def names() -> list[str]:
     """All effects there are, without importing any."""
-    return sorted(m.name for m in pkgutil.iter_modules(__path__))
+    return sorted({*(m.name for m in pkgutil.iter_modules(__path__)), *own})
 
 
 def module(name: str) -> ModuleType:
     """The module of effect `name`, imported."""
-    return importlib.import_module(f"{__name__}.{name}")
+    return own[name] if name in own else importlib.import_module(f"{__name__}.{name}")
+
+
+def add(path: str | Path) -> str:
+    """Makes the effect in a user's Python file known under the name of the file, which is returned.
+
+    Raises:
+        SandError: the file is not there, is not Python, or does not declare what an effect must.
+    """
+    path = Path(path)
+    name = path.stem
+    if path.suffix != ".py" or not path.is_file():
+        raise SandError(f"--effect {path}: there is no such Python file")
+    if not re.fullmatch(r"[a-z]\w*", name) or name in {m.name for m in pkgutil.iter_modules(__path__)}:
+        raise SandError(f"--effect {path}: `{name}` cannot be its name; take one in small letters that no effect has yet")
+    spec = importlib.util.spec_from_file_location(f"{__name__}.own.{name}", path)
+    assert spec and spec.loader
+    found = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = found
+    try:
+        spec.loader.exec_module(found)
+    except Exception as error:
+        raise SandError(f"--effect {path}: cannot be imported: {type(error).__name__}: {error}") from None
+    _check_module(path, found)
+    own[name] = found
+    return name
+
+
+def _check_module(path: Path, found: ModuleType) -> None:
+    parameters, solvers = getattr(found, "PARAMETERS", None), getattr(found, "SOLVERS", None)
+    if not isinstance(parameters, tuple) or not all(isinstance(p, Parameter) for p in parameters):
+        raise SandError(f"--effect {path}: PARAMETERS must be a tuple of taichi_sand.scene.parameters.Parameter")
+    if not isinstance(solvers, tuple) or not solvers or not set(solvers) <= set(KINDS):
+        raise SandError(f'--effect {path}: SOLVERS must name the solvers it fits, such as ("md", "rigid")')
+    if not callable(getattr(found, "build", None)):
+        raise SandError(f"--effect {path}: build(values, columns, solver) is missing")
+
+
+def fitting(kind: str) -> list[str]:
+    """All effects that fit solver `kind`."""
+    return [name for name in names() if kind in module(name).SOLVERS]
 
 
 def check(scene: Any) -> dict[str, dict[str, Any]]:
@@ -32,13 +98,35 @@ def check(scene: Any) -> dict[str, dict[str, Any]]:
         key = f"effects.{name}"
         if name not in names():
             raise scene.error(key, f"there is no such effect{suggest(name, names())} (there are: {', '.join(names())})")
-        effect = module(name)
-        if scene.solver.kind not in effect.SOLVERS:
-            raise scene.error(key, f"does not fit the {scene.solver.kind} solver; it fits {' and '.join(effect.SOLVERS)}")
+        effect, kind = module(name), scene.solver.kind
+        if kind not in effect.SOLVERS:
+            raise scene.error(
+                key, f"does not fit the {kind} solver, only {' and '.join(effect.SOLVERS)}; what fits {kind}: {', '.join(fitting(kind))}"
+            )
         tables[name] = check_table(f"{scene.source}: {key}" if scene.source else key, table, effect.PARAMETERS)
     return tables
 
 
-def live(tables: dict[str, dict[str, Any]]) -> dict[str, float]:
+def live(tables: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
     """Live parameters of the effects in `tables`, each by the name that kernels know it by."""
     return {f"{name}_{p.name}": tables[name][p.name] for name in tables for p in module(name).PARAMETERS if p.live}
+
+
+def columns(name: str, values: dict[str, Any], kind: str) -> int:
+    """How many columns that follow a pair effect `name` needs."""
+    memory = getattr(module(name), "memory", None)
+    return memory(values, kind) if memory else 0
+
+
+def turns(tables: Mapping[str, Any]) -> bool:
+    """Whether any of these effects can turn a grain."""
+    return any(getattr(module(name), "TURNS", False) for name in tables)
+
+
+def build(name: str, values: dict[str, Any], memory: Sequence[Any], kind: str) -> Any:
+    """The object whose hooks the solver calls; SandError if it has none that solver `kind` calls."""
+    effect = module(name).build(values, tuple(memory), kind)
+    known = {**HOOKS[kind], **HOOKS["both"]}
+    if not any(hasattr(effect, hook) for hook in known):
+        raise SandError(f"effect {name} has no hook that the {kind} solver calls; there are: {', '.join(known)}")
+    return effect

@@ -47,7 +47,7 @@ def read(path: Path) -> dict[str, Any]:
         raise SandError(f"{path.name}: not a scene file, its TOML is wrong: {reason[:200]}") from None
 
 
-def load(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scene:
+def load(name_or_path: str | Path, overrides: Sequence[str] = (), effects: Sequence[str] = ()) -> Scene:
     """Reads a scene.
 
     Args:
@@ -55,6 +55,7 @@ def load(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scene:
         overrides: `KEY=VALUE` each; KEY is a dotted path (`solver.tolerance`, `grains[0].count`, `effects.friction.mu`), VALUE is
             written as in TOML, quotes around a text may be left out. Setting `solver.kind` drops what the file says
             about the other kind.
+        effects: names of effects that are on, with their defaults, where the scene does not name them.
 
     Raises:
         SandError: the file or an override is wrong; the sentence names the file, or `--set`, and the key.
@@ -69,6 +70,8 @@ def load(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     for key, value in asked:
         _put(data, key, value)
     _beside(data, path.parent)
+    if effects and isinstance(data.setdefault("effects", {}), dict):
+        data["effects"] = {**{name: {} for name in effects}, **data["effects"]}
     try:
         scene = Scene(**data)
     except SandError as error:

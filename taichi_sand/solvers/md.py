@@ -13,7 +13,7 @@ import taichi as ti
 
 from taichi_sand.solvers.integrators import INTEGRATORS, Stages, allocate_stages
 from taichi_sand.solvers.tolerance import Bed, md_numbers
-from taichi_sand.world.geometry import add, at_least, distance_to_second, perp, spin, velocity, wrench
+from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, perp, rolling, spin, spin_mass, velocity, wrench
 from taichi_sand.world.tables import World, fill_struct
 
 MEMORY = 0
@@ -92,6 +92,12 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
             for effect in ti.static(s.effects):
                 if ti.static(hasattr(effect, "tangent")):
                     force.y += effect.tangent(w, c, p, wall, force.x, slip, stiffness, dashpot)
+                if ti.static(hasattr(effect, "couple")):
+                    roll, radius = rolling(w, i, j, wall)
+                    torque = effect.couple(w, c, p, force.x, roll, radius, stiffness, spin_mass(w, i, j, wall))
+                    add(g.wrench, i, -couple(torque))
+                    if ti.static(not wall):
+                        add(g.wrench, j, couple(torque))
         push = force.x * normal + force.y * perp(normal)
         add(g.wrench, i, -wrench(push, arm_i * force.y))
         if ti.static(not wall):

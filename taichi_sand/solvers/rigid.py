@@ -14,7 +14,20 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.solvers.tolerance import Bed, rigid_numbers
-from taichi_sand.world.geometry import add, at_least, distance_to_second, movable, perp, spin, velocity, within, wrench
+from taichi_sand.world.geometry import (
+    add,
+    at_least,
+    couple,
+    distance_to_second,
+    movable,
+    perp,
+    rolling,
+    spin,
+    spin_mass,
+    velocity,
+    within,
+    wrench,
+)
 from taichi_sand.world.motion import drift, with_body
 from taichi_sand.world.sweep import each_grain, going, nothing, sweep
 from taichi_sand.world.tables import World, fill_struct
@@ -179,12 +192,28 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
             bound = cone(w, s, c, p, wall, new.x)
             new.y = within(bound, carried.y - pairs.mass_t[p] * slip)
         give(w, i, j, new - carried, normal, arm_i, arm_j, wall)
+        resist_rolling(w, s, c, p, i, j, new.x, wall)
         carried = new
         pairs.force[p] = carried * c.rate
     elif ti.static(not soft):
         if speed < -0.5 * c.threshold and 2.0 * speed * c.step + gap < 0.0:
             w.pace[None].impacts = 1
     return carried
+
+
+@ti.func
+def resist_rolling(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, normal, wall: ti.template()):
+    """Solves pair p for its angular impulses, each within its cone."""
+    g = ti.static(w.grains)
+    for effect in ti.static(s.effects):
+        if ti.static(hasattr(effect, "spin_cone")):
+            roll, radius = rolling(w, i, j, wall)
+            carried = effect.torque[p] * c.step
+            new = within(effect.spin_cone(w, c, p, normal, radius), carried - spin_mass(w, i, j, wall) * roll)
+            add(g.twist, i, -couple(new - carried) * g.mobility[i])
+            if ti.static(not wall):
+                add(g.twist, j, couple(new - carried) * g.mobility[j])
+            effect.torque[p] = new * c.rate
 
 
 @ti.func
@@ -207,11 +236,11 @@ def relax(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.temp
     goal = REFERENCE_SHARE * carried.x * c.rate
     crept = s.reference[p] + c.reference_rate * (goal - s.reference[p])
     s.reference[p] = ti.select(crept < goal, crept, goal)
-    lay_by(w, p, carried, wall)
+    lay_by(w, s, c, p, carried, wall)
 
 
 @ti.func
-def lay_by(w: ti.template(), p, carried, wall: ti.template()):
+def lay_by(w: ti.template(), s: ti.template(), c: ti.template(), p, carried, wall: ti.template()):
     """Adds the impulse that pair p carries to what its grains start the next step with."""
     pairs = ti.static(w.pairs)
     g = ti.static(w.grains)
@@ -224,12 +253,17 @@ def lay_by(w: ti.template(), p, carried, wall: ti.template()):
         add(g.wrench, i, -wrench(push, arm_i * carried.y))
         if ti.static(not wall):
             add(g.wrench, j, wrench(push, -arm_j * carried.y))
+        for effect in ti.static(s.effects):
+            if ti.static(hasattr(effect, "spin_cone")):
+                add(g.wrench, i, -couple(effect.torque[p] * c.step))
+                if ti.static(not wall):
+                    add(g.wrench, j, couple(effect.torque[p] * c.step))
 
 
 @ti.func
 def lay_by_again(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
     """The same for what the pair carried last, as a pair function of a sweep."""
-    lay_by(w, p, w.pairs.force[p] * c.step, wall)
+    lay_by(w, s, c, p, w.pairs.force[p] * c.step, wall)
 
 
 @ti.kernel

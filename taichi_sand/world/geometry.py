@@ -40,6 +40,12 @@ def wrench(force, arm_torque):
 
 
 @ti.func
+def couple(torque):
+    """A torque alone, as a 4-vector."""
+    return ti.Vector([0.0, 0.0, torque, 0.0])
+
+
+@ti.func
 def at_least(low, x):
     """The larger of both. ti.max also looks for NaN, which costs three instructions where this costs one."""
     return ti.select(x > low, x, low)
@@ -62,6 +68,27 @@ def perp(a):
 def point_velocity(velocity, spin, arm):
     """Velocity of the point at `arm` from the centre: v + spin x arm (physics.md A6)."""
     return velocity + spin * perp(arm)
+
+
+@ti.func
+def rolling(w: ti.template(), i, j, wall: ti.template()):
+    """Spin of the second grain as seen from the first [rad/s], and the radius that rolling goes with [m]: that of the grain on a wall,
+    R_i R_j / (R_i + R_j) between two grains.
+    """
+    roll, radius = -spin(w, i), w.grains.radius[i]
+    if ti.static(not wall):
+        roll += spin(w, j)
+        radius *= w.grains.radius[j] / (radius + w.grains.radius[j])
+    return roll, radius
+
+
+@ti.func
+def spin_mass(w: ti.template(), i, j, wall: ti.template()):
+    """Effective moment of inertia of a pair against rolling [kg m2]."""
+    give = w.grains.mobility[i].z
+    if ti.static(not wall):
+        give += w.grains.mobility[j].z
+    return 1.0 / give
 
 
 @ti.func

@@ -1,0 +1,151 @@
+"""The mechanism of effects: what is off is not there, what is on with neutral values changes nothing, a user's own works the same way."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import Disc, simulate
+
+import taichi_sand as sand
+from taichi_sand import effects
+from taichi_sand.scene.errors import SandError
+
+ROOT = Path(__file__).parents[1]
+SOLVERS = {"md": {"kind": "md", "restitution": 0.3}, "rigid": {"kind": "rigid"}}
+NEUTRAL = {"rolling": {"mu": 0.0}, "drag": {"density": 0.0, "wind_x": 3.0}}
+"""Values at which an effect does nothing."""
+
+RUN = """
+import json, sys
+import taichi_sand as sand
+from taichi_sand.world.checkpoint import read_field
+sys.path.insert(0, sys.argv[1])
+from helpers import digest
+found = {}
+for kind in ("md", "rigid"):
+    scene = sand.Scene(size=[0.2, 0.2], grains=[{"radius": [0.004, 0.006], "count": 60}], solver={"kind": kind},
+                       effects={"friction": {"mu": 0.5}}, seed=5)
+    sim = sand.Simulation(scene, threads=1)
+    sim.advance(0.1)
+    size = sum(a.nbytes for field in sim._fields().values() for a in read_field(field).values())
+    found[kind] = [digest(sim), size, sorted(m for m in sys.modules if m.startswith("taichi_sand.effects."))]
+    del sim
+print(json.dumps(found))
+"""
+
+
+def test_off_is_as_if_it_were_not_there(tmp_path: Path) -> None:
+    """A scene with friction gives the same bits, and tables of the same size, in a package without the files of all other effects;
+    none of them is imported.
+    """
+    shutil.copytree(ROOT / "taichi_sand", tmp_path / "taichi_sand", ignore=shutil.ignore_patterns("__pycache__"))
+    for path in (tmp_path / "taichi_sand" / "effects").glob("*.py"):
+        if path.stem not in ("__init__", "friction"):
+            path.unlink()
+    found = []
+    for folder in (ROOT, tmp_path):
+        done = _run(folder, [sys.executable, "-c", RUN, str(ROOT / "tests")], folder)
+        assert done.returncode == 0, done.stderr
+        found.append(json.loads(done.stdout))
+    assert found[0] == found[1]
+    assert found[0]["md"][2] == found[0]["rigid"][2] == ["taichi_sand.effects.friction"]
+
+
+def _run(folder: Path, command: list[str], package: Path = ROOT) -> subprocess.CompletedProcess:
+    """Runs a command in `folder` with the package that lies in `package`."""
+    paths = {**os.environ, "PYTHONPATH": str(package)}
+    return subprocess.run(command, cwd=folder, env=paths, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_neutral_values_change_nothing(name: str) -> None:
+    """Every effect on, with values that mean nothing: a pile of 40 falls as without them, to rounding."""
+    rng = np.random.default_rng(3)
+    discs = [Disc(0.012 * (k % 8 + 1) + rng.uniform(-5e-4, 5e-4), 0.012 * (k // 8 + 1), spin=rng.normal()) for k in range(40)]
+    ends = []
+    for more in ({}, NEUTRAL):
+        chosen = {name_: table for name_, table in more.items() if name in effects.module(name_).SOLVERS}
+        sim = simulate(discs, (0.11, 0.11), SOLVERS[name], gravity=(0, -9.81), effects={"friction": {"mu": 0.4}, **chosen})
+        sim.advance(0.05)
+        ends.append(np.column_stack([sim.positions, sim.velocities, sim.spins]))
+        del sim
+    assert np.abs(ends[0] - ends[1]).max() < 1e-9
+
+
+def test_every_effect_has_a_neutral_value_here() -> None:
+    """NEUTRAL knows all effects but friction, whose neutral scene is one without it."""
+    assert sorted([*NEUTRAL, "friction"]) == sorted(set(effects.names()) - set(effects.own))
+
+
+def test_misfit_names_what_fits() -> None:
+    path = ROOT / "tests" / "own_effects" / "only_md.py"
+    scene = {"size": [1, 1], "grains": [{"radius": 0.01, "count": 2}], "solver": {"kind": "rigid"}}
+    effects.add(path)
+    try:
+        with pytest.raises(SandError, match=r"effects\.only_md: does not fit the rigid solver, only md; what fits rigid: .*drag, friction"):
+            effects.check(sand.Scene(**scene, effects={"only_md": {}}))
+    finally:
+        del effects.own["only_md"]
+
+
+WRONG = {
+    "no_such.py": (None, "there is no such Python file"),
+    "Big.py": ("", "cannot be its name"),
+    "drag.py": ("", "cannot be its name"),
+    "broken.py": ("PARAMETERS = (1 +", "cannot be imported: SyntaxError"),
+    "bare.py": ("PARAMETERS = ()\n", "SOLVERS must name"),
+    "listed.py": ('PARAMETERS = [1]\nSOLVERS = ("md",)', "PARAMETERS must be a tuple"),
+    "other.py": ('PARAMETERS = ()\nSOLVERS = ("sph",)', "SOLVERS must name"),
+    "unbuilt.py": ('PARAMETERS = ()\nSOLVERS = ("md",)', "build.* is missing"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_files_are_told(name: str, tmp_path: Path) -> None:
+    text, sentence = WRONG[name]
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    with pytest.raises(SandError, match=sentence):
+        effects.add(tmp_path / name)
+    assert not effects.own
+
+
+def test_an_effect_without_a_hook_is_told() -> None:
+    class Idle:
+        def torque(self) -> None: ...
+
+    effects.own["idle"] = type("module", (), {"build": staticmethod(lambda *_: Idle())})  # type: ignore[assignment]
+    try:
+        with pytest.raises(SandError, match=r"idle has no hook that the md solver calls; there are: tangent, "):
+            effects.build("idle", {}, (), "md")
+    finally:
+        del effects.own["idle"]
+
+
+def readme_example() -> tuple[str, str]:
+    """Name and text of the effect that the README shows."""
+    found = re.search(r"```python\n# (\w+)\.py\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
+    assert found
+    return found[1], found[2]
+
+
+def test_the_example_of_the_readme(tmp_path: Path) -> None:
+    """Under 30 lines; on with `--effect`, set with `--set`, does what it says: discs circle about the middle of the box."""
+    name, text = readme_example()
+    assert len(text.splitlines()) < 30
+    (tmp_path / f"{name}.py").write_text(text)
+    (tmp_path / "scene.toml").write_text("size = [1, 1]\ngravity = [0, 0]\n[[grains]]\nradius = 0.01\npositions = [[0.7, 0.5]]\n")
+    command = [sys.executable, "-m", "taichi_sand", "run", "scene.toml", "--effect", f"{name}.py", "--set", f"effects.{name}.strength=3"]
+    done = _run(tmp_path, [*command, "--seconds", "0.1", "--json"])
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    assert report["effects"] == [name]
+    assert report["speed_max_m_s"] == pytest.approx(0.3, rel=0.02)
+    done = _run(tmp_path, [*command[:-1], f"effects.{name}.strength=-1"])
+    assert done.returncode == 2 and "strength = -1: must lie in 0 … 100 m/s2" in done.stderr
