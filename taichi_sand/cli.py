@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
+import typer.core
 
 import taichi_sand
 from taichi_sand import effects, printing
@@ -164,6 +165,37 @@ def scenes() -> None:
     for name, path in known.items():
         head = tomllib.loads(path.read_text("utf-8"))
         print(f"{name:<{wide}}  {head.get('title', '')}: {head.get('about', '')}")
+
+
+class EffectsHelp(typer.core.TyperCommand):
+    """Lists the effects and their parameters below the options."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Imports the effects only when their help is asked for."""
+        self.epilog = "\n\n".join(printing.effect_lines(effects))
+        super().format_help(ctx, formatter)
+
+
+@app.command("effects", cls=EffectsHelp)
+def effects_(
+    scene: SceneName,
+    measure: Annotated[bool, typer.Option("--measure", help="Times the scene without each effect, and with each absent one.")] = False,
+    seconds: Annotated[float, typer.Option("--seconds", help="Simulated seconds before it is timed.")] = 0.5,
+    overrides: Overrides = None,
+    effect: Effects = None,
+    arch: Arch = "cpu",
+    threads: Threads = 1,
+    precision: Precision = None,
+) -> None:
+    """Shows what a scene compiles and allocates, what it leaves out, and what each effect costs."""
+    with in_one_sentence():
+        _check_seconds(seconds)
+        loaded = taichi_sand.load(scene, _overrides(overrides, **{"solver.precision": precision}), effect or ())
+        from taichi_sand.study import price
+
+        sim = taichi_sand.Simulation(loaded, arch=arch, threads=threads)
+        prices = price.measure(loaded, seconds, arch, threads) if measure else {}
+        printing.print_effects(loaded, price.inventory(sim), price.table_bytes(sim), prices)
 
 
 def _overrides(given: list[str] | None, **flags: Any) -> list[str]:

@@ -65,6 +65,46 @@ def print_report(title: str, report: dict[str, Any]) -> None:
     console.print(table)
 
 
+def effect_lines(effects: Any) -> list[str]:
+    """All effects, a line each, with their parameters: what the package `effects` declares."""
+    lines = []
+    for name in effects.names():
+        module = effects.module(name)
+        about = (module.__doc__ or "").strip().splitlines()[0].rstrip(".")
+        keys = ", ".join(f"{p.name} = {p.default}{f' {p.unit}' if p.unit else ''}" for p in module.PARAMETERS)
+        lines.append(f"{name} ({', '.join(module.SOLVERS)}): {about}. {keys}")
+    return lines
+
+
+def print_effects(scene: Any, rows: list[dict[str, Any]], tables: int, prices: dict[str, tuple[float, float]]) -> None:
+    """Prints what study.price found: `rows` of its inventory, bytes of all tables, and prices by variant if they were measured."""
+    table = Table("effect", "", "allocates", "loops of a step", "live parameters", *(["ns per grain and step"] if prices else []), box=None)
+    for row in rows:
+        name = row["name"]
+        cells = ["compiled in" if row["on"] else "left out"]
+        if row["on"]:
+            live = ", ".join(f"{key} = {value}" for key, value in row["live"].items())
+            cells += [f"{row['bytes'] / 1024:,.0f} KiB", ", ".join(row["loops"]), live]
+        else:
+            cells += ["0", "", ""]
+        if prices:
+            cells.append(_price(prices, f"-{name}" if row["on"] else f"+{name}"))
+        table.add_row(name, *cells, style=None if row["on"] else "dim")
+    console = Console(highlight=False)
+    console.print(Text.assemble((scene.title or "scene", "bold"), f"  {scene.solver.kind} · tables {tables / 2**20:.1f} MiB"))
+    console.print(table)
+    if prices:
+        console.print("as it is: {:.1f} ± {:.1f} ns; of what is on, the change if it is removed, else if it is added".format(*prices[""]))
+
+
+def _price(prices: dict[str, tuple[float, float]], key: str) -> str:
+    """What a variant costs more or less than the scene as it is, with its standard error."""
+    if key not in prices:
+        return "does not fit"
+    (base, base_error), (other, error) = prices[""], prices[key]
+    return f"{other - base:+.1f} ± {(error**2 + base_error**2) ** 0.5:.1f}"
+
+
 def _verdict(key: str, report: dict[str, Any]) -> Text:
     """Whether the measured overlap is what was asked, in a word and a colour."""
     if key != "overlap_p99":

@@ -15,11 +15,11 @@ from helpers import Disc, simulate
 import taichi_sand as sand
 from taichi_sand import effects
 from taichi_sand.scene.errors import SandError
+from taichi_sand.study import price
 
 ROOT = Path(__file__).parents[1]
 SOLVERS = {"md": {"kind": "md", "restitution": 0.3}, "rigid": {"kind": "rigid"}}
-NEUTRAL = {"rolling": {"mu": 0.0}, "drag": {"density": 0.0, "wind_x": 3.0}}
-"""Values at which an effect does nothing."""
+BYTES_OF_A_LIVE_PARAMETER = 4
 
 RUN = """
 import json, sys
@@ -69,18 +69,14 @@ def test_neutral_values_change_nothing(name: str) -> None:
     rng = np.random.default_rng(3)
     discs = [Disc(0.012 * (k % 8 + 1) + rng.uniform(-5e-4, 5e-4), 0.012 * (k // 8 + 1), spin=rng.normal()) for k in range(40)]
     ends = []
-    for more in ({}, NEUTRAL):
-        chosen = {name_: table for name_, table in more.items() if name in effects.module(name_).SOLVERS}
-        sim = simulate(discs, (0.11, 0.11), SOLVERS[name], gravity=(0, -9.81), effects={"friction": {"mu": 0.4}, **chosen})
+    neutral = {effect: effects.module(effect).NEUTRAL for effect in effects.fitting(name) if effect != "friction"}
+    assert len(neutral) >= 2
+    for more in ({}, neutral):
+        sim = simulate(discs, (0.11, 0.11), SOLVERS[name], gravity=(0, -9.81), effects={"friction": {"mu": 0.4}, **more})
         sim.advance(0.05)
         ends.append(np.column_stack([sim.positions, sim.velocities, sim.spins]))
         del sim
     assert np.abs(ends[0] - ends[1]).max() < 1e-9
-
-
-def test_every_effect_has_a_neutral_value_here() -> None:
-    """NEUTRAL knows all effects but friction, whose neutral scene is one without it."""
-    assert sorted([*NEUTRAL, "friction"]) == sorted(set(effects.names()) - set(effects.own))
 
 
 def test_misfit_names_what_fits() -> None:
@@ -149,3 +145,17 @@ def test_the_example_of_the_readme(tmp_path: Path) -> None:
     assert report["speed_max_m_s"] == pytest.approx(0.3, rel=0.02)
     done = _run(tmp_path, [*command[:-1], f"effects.{name}.strength=-1"])
     assert done.returncode == 2 and "strength = -1: must lie in 0 … 100 m/s2" in done.stderr
+
+
+def test_inventory_and_prices() -> None:
+    """What is on is listed with its loops, its live parameters and the bytes by which the tables grow; what is off, with nothing."""
+    scene = sand.Scene(size=[0.2, 0.2], grains=[{"radius": 0.005, "count": 40}], effects={"friction": {}, "rolling": {"mu": 0.2}})
+    sims = [sand.Simulation(s, threads=1) for s in (scene, scene.model_copy(update={"effects": {"friction": {}}}))]
+    rows = {row["name"]: row for row in price.inventory(sims[0])}
+    assert rows["drag"] == {"name": "drag", "on": False}
+    assert rows["rolling"]["live"] == {"mu": 0.2} and rows["rolling"]["loops"] == ["pairs, twice"]
+    assert rows["rolling"]["bytes"] == price.table_bytes(sims[0]) - price.table_bytes(sims[1]) - BYTES_OF_A_LIVE_PARAMETER > 0
+    assert rows["friction"]["bytes"] == 0
+    assert set(price.variants(scene)) >= {"", "-friction", "-rolling", "+drag"}
+    only = scene.model_copy(update={"effects": {}})
+    assert "-rolling" not in price.variants(only)

@@ -1,9 +1,10 @@
 """Optional physics, one module each; only those that a scene names are imported. A user's own effect is a file like these.
 
-A module declares PARAMETERS (scene.parameters.Parameter), SOLVERS (those it fits), and if need be TURNS = True (it can turn grains) and
-memory(values, solver), how many columns that follow a pair it needs. build(values, columns, solver) makes the object whose methods
-are the hooks. HOOKS is the closed list of them; all but `between` are ti.funcs that the solver folds into its own kernels. Their
-argument w is the world, c the numbers of the solver and the live parameters (`mu` of friction is c.friction_mu), p a row of the pair table.
+A module declares PARAMETERS (scene.parameters.Parameter), SOLVERS (those it fits), and if need be TURNS = True (it can turn grains),
+NEUTRAL (values at which it does nothing) and memory(values, solver), how many columns that follow a pair it needs. build(values,
+columns, solver) makes the object whose methods are the hooks. HOOKS is the closed list of them; all but `between` are ti.funcs that the
+solver folds into its own kernels. Their argument w is the world, c the numbers of the solver and the live parameters (`mu` of friction
+is c.friction_mu), p a row of the pair table.
 """
 
 import importlib

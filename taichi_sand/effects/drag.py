@@ -18,6 +18,7 @@ PARAMETERS = (
     Parameter("wind_y", 0.0, "speed of the wind upwards", "m/s", low=-1e3, high=1e3),
 )
 SOLVERS = ("md", "rigid")
+NEUTRAL = {"density": 0.0}
 
 
 @dataclass(frozen=True, eq=False)

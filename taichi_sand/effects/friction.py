@@ -25,6 +25,7 @@ PARAMETERS = (
     ),
 )
 SOLVERS = ("md", "rigid")
+NEUTRAL = {"mu": 0.0}
 
 SPRING = 2.0 / 7.0
 """Tangential over normal stiffness, the value for which a sphere's tangential and normal oscillations keep pace (Walton & Braun 1986)."""

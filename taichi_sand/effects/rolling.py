@@ -16,6 +16,7 @@ from taichi_sand.world.geometry import within
 
 PARAMETERS = (Parameter("mu", 0.1, "largest couple over normal force times radius", low=0.0, high=1.0),)
 SOLVERS = ("md", "rigid")
+NEUTRAL = {"mu": 0.0}
 TURNS = True
 
 STIFFNESS = 2.25
