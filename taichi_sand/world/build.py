@@ -81,11 +81,12 @@ def make_world(scene: Any, pack: Pack, extra: int, turns: bool, gpu: bool, room:
     cells = round_up(cells + 1)
     blocks = {"one": 1, "strips": STRIPS, "cells": cells}[layout]
     wall_half = WALL_PAIRS_PER_GRAIN * capacity
-    wall_base = PAIRS_PER_GRAIN * (capacity + LANES * min(blocks, STRIPS))
+    lanes = LANES[layout]
+    wall_base = PAIRS_PER_GRAIN * (capacity + lanes * min(blocks, STRIPS))
     world = World(
         grains=allocate_grains(real, capacity),
         pairs=allocate_pairs(real, capacity, wall_base + wall_half, extra),
-        blocks=allocate_blocks(blocks),
+        blocks=allocate_blocks(blocks, lanes),
         grid=allocate_grid(real, capacity, cells),
         walls=lay_walls(scene, spacing, sites, largest / 2 + MOST_REACH * diameter, real),
         pace=pace_type(real).field(shape=()),
@@ -100,6 +101,7 @@ def make_world(scene: Any, pack: Pack, extra: int, turns: bool, gpu: bool, room:
         wall_half=wall_half,
         turns=turns,
         layout=layout,
+        lanes=lanes,
         real=real,
     )
     numbers = {"spacing": spacing, "sites": sites, "diameter": diameter, "largest": largest, "least_cell": least_cell}

@@ -3,16 +3,14 @@
 import taichi as ti
 
 from taichi_sand.world.geometry import wall_row
-from taichi_sand.world.tables import LANES
 
 
 @ti.func
 def remember(w: ti.template(), row, i, j):
     """Gives the pair of i and j the memory it had before the search; none if it is new."""
-    lanes = ti.static(1 if w.layout == "cells" else LANES)
-    old = recall(w, w.pairs.row_start, w.pairs.row_count, w.grid.source[i], w.grid.source[j], lanes)
+    old = recall(w, w.pairs.row_start, w.pairs.row_count, w.grid.source[i], w.grid.source[j], w.lanes)
     if old < 0:
-        old = recall(w, w.pairs.row_start, w.pairs.row_count, w.grid.source[j], w.grid.source[i], lanes)
+        old = recall(w, w.pairs.row_start, w.pairs.row_count, w.grid.source[j], w.grid.source[i], w.lanes)
     carry(w, row, old)
 
 

@@ -10,7 +10,7 @@ from taichi_sand.world.flags import PAIRS_FULL, WALL_PAIRS_FULL, flag
 from taichi_sand.world.geometry import distance_to_second, velocity, wall_row
 from taichi_sand.world.grid import anchor, cell_of, lay_cells, outside, permute, sort
 from taichi_sand.world.memory import carry, remember, remember_wall
-from taichi_sand.world.tables import CHUNK, FAR, LANES, PAIRS_PER_GRAIN, STRIPS, WALL_PAIRS_PER_GRAIN
+from taichi_sand.world.tables import CHUNK, FAR, PAIRS_PER_GRAIN, STRIPS, WALL_PAIRS_PER_GRAIN
 
 LEAST_SKIN, MOST_SKIN = 0.04, 0.5
 LEAST_SLACK, MOST_SLACK = 0.10, 2.0
@@ -86,7 +86,7 @@ def list_block(w: ti.template(), b):
     """Lists the pairs whose first grain belongs to block b, in the block's own part of the table."""
     pairs = ti.static(w.pairs)
     blocks = ti.static(w.blocks)
-    lanes = ti.static(1 if w.layout == "cells" else LANES)
+    lanes = ti.static(w.lanes)
     half = w.pace[None].half
     start = blocks.grain_start[b]
     count = blocks.grain_end[b] - start
