@@ -22,8 +22,8 @@ from rich.console import Console
 from rich.table import Table
 
 SECONDS = 2.0
-BED = ["grains.0.fill=hexagonal", "grains.0.radius=0.01", "grains.0.pitch=1.0", "grains.0.jitter=0"]
-"""Overrides that make the settle scene a bed at rest from the start: what a step costs, for any number of grains."""
+BED_DEPTH = 30
+"""Layers of the bed at rest that shows what a step costs: as deep for any number of grains, so that step and state are the same."""
 
 
 def settle(count: int, overrides: list[str]) -> Any:
@@ -48,12 +48,14 @@ def settling(count: int, overrides: list[str]) -> dict[str, float]:
     return {"cost": (end - start) / SECONDS, "overlap": float(overlap), "ns": 1e9 * (end - half) / (sim.steps - steps) / count}
 
 
-def stepping(count: int, overrides: list[str], threads: int, steps: int) -> dict[str, float]:
-    """Wall ns per grain and step of a bed at rest, and µs a frame of 1/60 s."""
-    from taichi_sand import Simulation
+def stepping(count: int, kind: str, threads: int, steps: int) -> dict[str, float]:
+    """Wall ns per grain and step of a bed at rest, grains of the settle scene on a hexagonal lattice."""
+    from taichi_sand import Scene, Simulation
 
-    sim = Simulation(settle(count, [*BED, *overrides]), threads=threads)
-    sim.advance_steps(steps)
+    grains = [{"radius": 0.01, "count": count, "fill": "hexagonal"}]
+    size = [0.02 * count / BED_DEPTH + 0.005, 0.02 * BED_DEPTH + 0.1]
+    sim = Simulation(Scene(size=size, grains=grains, solver={"kind": kind}, effects={"friction": {}}), threads=threads)
+    sim.advance_steps(2 * steps)
     start = time.perf_counter()
     sim.advance_steps(steps)
     return {"ns": 1e9 * (time.perf_counter() - start) / steps / count}
@@ -180,8 +182,8 @@ def scaling_table(runs: int, counts: list[int]) -> Table:
     table = Table("solver", "grains", "one thread", "two threads", "speed-up", title="ns per grain and step, a bed at rest")
     for kind in ("rigid", "md"):
         for count in counts:
-            steps = max(10, 2_000_000 // count)
-            jobs = {str(n): (n, "stepping", count, [f"solver.kind={kind}"], n, steps) for n in (1, 2)}
+            steps = max(40, 3_000_000 // count)
+            jobs = {str(n): (n, "stepping", count, kind, n, steps) for n in (1, 2)}
             one, two = (row["ns"] for row in medians(runs, jobs).values())
             table.add_row(kind, str(count), f"{one:.1f}", f"{two:.1f}", f"{one / two:.2f}×")
     return table
