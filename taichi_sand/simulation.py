@@ -21,7 +21,9 @@ from taichi_sand.world import hand as hands
 from taichi_sand.world.build import check_periodic, fill, make_world, read_grains
 from taichi_sand.world.flags import sentences
 from taichi_sand.world.motion import close_step
-from taichi_sand.world.pairs import search
+from taichi_sand.world.naps import called
+from taichi_sand.world.pairs import search, search_now
+from taichi_sand.world.rest import rearrange, wake
 
 BATCH = 8
 """Steps of a large world between two looks at whether its search still holds; steps that find it spent do nothing."""
@@ -35,15 +37,9 @@ def march(w: ti.template(), s: ti.template(), steps: ti.i32):
         for k in range(steps + 1):
             if w.pace[None].spent == 1:
                 search(w)
-            if k < steps:
+            if k < steps and not called(w):
                 s.step(w, s)
                 close_step(w)
-
-
-@ti.kernel
-def search_alone(w: ti.template()):
-    """One search, its loops over blocks in parallel."""
-    search(w)
 
 
 @ti.kernel
@@ -89,7 +85,7 @@ class Simulation:
         turns = effect_modules.turns(self.effects) or bool(np.any(grains.spin))
         solver = choose(kind)
         extra = solver.MEMORY + sum(columns.values())
-        self.world = make_world(scene, grains, extra, turns, self.arch != "cpu", self.room)
+        self.world = make_world(scene, grains, extra, turns, self.arch != "cpu", self.room, effect_modules.sleeps(self.effects))
         device.count_room(self.world.capacity)
         self.bed = bed_of(grains, scene.gravity)
         memory = list(self.world.pairs.memory[-extra:]) if extra else []
@@ -151,12 +147,16 @@ class Simulation:
     def renew(self) -> None:
         """Searches anew, after grains or walls have been changed by hand; what contacts that are gone carried is forgotten."""
         with self._stage("march"):
+            wake(self.world)
             self.world.pace[None].spent = 1
             self._march(0)
-            solver = choose(self.scene.solver.kind)
-            if hasattr(solver, "renew"):
-                solver.renew(self.world, self.solver)
-                ti.sync()
+            self._renew_solver()
+
+    def _renew_solver(self) -> None:
+        solver = choose(self.scene.solver.kind)
+        if hasattr(solver, "renew"):
+            solver.renew(self.world, self.solver)
+            ti.sync()
 
     def retune(self, scene: Scene, live: dict[str, float] | None = None) -> None:
         """Goes on with the gravity and the numbers of the solver that `scene` asks for, and with these live parameters of effects.
@@ -180,19 +180,31 @@ class Simulation:
         pace[None].step, pace[None].speed_cap = self.step, self.numbers["speed_cap"]
 
     def _march(self, count: int) -> None:
+        end = self.steps + count
         if self.world.layout == "one":
             march(self.world, self.solver, count)
+            while self._rearranged():
+                march(self.world, self.solver, end - self.world.pace[None].done)
             ti.sync()
             return
-        end = self.steps + count
         while True:
             if self.world.pace[None].spent:
-                search_alone(self.world)
+                search_now(self.world)
+            if self._rearranged():
+                continue
             done = self.world.pace[None].done
             if done == end:
                 break
             for _ in range(min(BATCH, end - done)):
                 step_alone(self.world, self.solver)
+
+    def _rearranged(self) -> bool:
+        """Puts those who are to wake or to fall asleep where they belong, if somebody is; whether there was."""
+        if not self.world.sleeps or not self.world.naps.state[None].due:
+            return False
+        rearrange(self.world, self.solver)
+        self._renew_solver()
+        return True
 
     @contextmanager
     def _stage(self, name: str) -> Any:

@@ -1,10 +1,10 @@
 """Optional physics, one module each; only those that a scene names are imported. A user's own effect is a file like these.
 
 A module declares PARAMETERS (scene.parameters.Parameter), SOLVERS (those it fits), and if need be TURNS = True (it can turn grains),
-NEUTRAL (values at which it does nothing) and memory(values, solver), how many columns that follow a pair it needs. build(values,
-columns, solver) makes the object whose methods are the hooks. HOOKS is the closed list of them; all but `between` are ti.funcs that the
-solver folds into its own kernels. Their argument w is the world, c the numbers of the solver and the live parameters (`mu` of friction
-is c.friction_mu), p a row of the pair table.
+SLEEPS = True (it lets grains sleep), NEUTRAL (values at which it does nothing) and memory(values, solver), how many columns that follow
+a pair it needs. build(values, columns, solver) makes the object whose methods are the hooks. HOOKS is the closed list of them; all but
+`between` are ti.funcs that the solver folds into its own kernels. Their argument w is the world, c the numbers of the solver and the
+live parameters (`mu` of friction is c.friction_mu), p a row of the pair table.
 """
 
 import importlib
@@ -122,6 +122,11 @@ def columns(name: str, values: dict[str, Any], kind: str) -> int:
 def turns(tables: Mapping[str, Any]) -> bool:
     """Whether any of these effects can turn a grain."""
     return any(getattr(module(name), "TURNS", False) for name in tables)
+
+
+def sleeps(tables: Mapping[str, Any]) -> bool:
+    """Whether any of these effects lets grains sleep."""
+    return any(getattr(module(name), "SLEEPS", False) for name in tables)
 
 
 def build(name: str, values: dict[str, Any], memory: Sequence[Any], kind: str) -> Any:

@@ -7,7 +7,7 @@ ti.f64 where the backend has it.
 
 import taichi as ti
 
-from taichi_sand.world.geometry import distance_to_second, perp, spin, velocity
+from taichi_sand.world.geometry import distance_to_second, mobility, perp, spin, velocity
 
 MASS, PX, PY, SPIN, KINETIC, POTENTIAL, SPEED2, HEIGHT, LOWEST, MOVING = range(10)
 """Columns of the sums over grains."""
@@ -35,7 +35,7 @@ def blocks_in_use(w: ti.template()):
     """Blocks of the sweep that hold rows: of cells, those the last search laid."""
     count = ti.static(w.blocks.pair_start.shape[0])
     if ti.static(w.layout == "cells"):
-        count = w.grid.columns[None] * w.grid.rows[None]
+        count = w.grid.columns[None] * w.grid.rows[None] + ti.static(w.sleeps)
     return count
 
 
@@ -60,9 +60,9 @@ def sum_grains(w: ti.template(), frame: ti.types.ndarray(), sums: ti.types.ndarr
             x = place(w, frame, i, real)
             height = x.x * frame[UP] + x.y * frame[UP + 1]
             lowest = ti.min(lowest, height - g.radius[i])
-            if g.mobility[i].x > 0.0:
+            if mobility(w, i).x > 0.0:
                 v = ti.cast(velocity(w, i), real)
-                m = ti.cast(1.0, real) / g.mobility[i].x
+                m = ti.cast(1.0, real) / mobility(w, i).x
                 fastest = ti.max(fastest, v.dot(v))
                 total[MASS] += m
                 total[PX] += m * v.x
@@ -72,8 +72,8 @@ def sum_grains(w: ti.template(), frame: ti.types.ndarray(), sums: ti.types.ndarr
                 total[POTENTIAL] -= m * (x.x * frame[GRAVITY] + x.y * frame[GRAVITY + 1])
                 total[HEIGHT] += m * height
                 total[8] += 1.0
-                if g.mobility[i].z > 0.0:
-                    inertia = ti.cast(1.0, real) / g.mobility[i].z
+                if mobility(w, i).z > 0.0:
+                    inertia = ti.cast(1.0, real) / mobility(w, i).z
                     turning = ti.cast(spin(w, i), real)
                     total[SPIN] += inertia * turning
                     total[KINETIC] += 0.5 * inertia * turning * turning
@@ -121,6 +121,8 @@ def sum_pairs(w: ti.template(), frame: ti.types.ndarray(), sums: ti.types.ndarra
     for b in range(blocks_in_use(w)):
         total = ti.Vector.zero(real, PAIR_COLUMNS)
         base = w.pace[None].half * w.half
+        if ti.static(w.sleeps):
+            base = w.half if w.blocks.pair_start[b] >= 2 * w.half else base  # frozen pairs come behind the others
         for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
             observe(w, frame, p, False, overlaps, base, total, real)
         for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
@@ -145,7 +147,7 @@ def count_bearing(w: ti.template(), least: ti.f32, bearing: ti.types.ndarray()):
 @ti.func
 def carries(w: ti.template(), i, bearing: ti.template()):
     """Whether grain i is part of the packing: no rattler, which has fewer than two bearing contacts; a fixed grain always is."""
-    return ti.cast(bearing[i] >= 2 or w.grains.mobility[i].x == 0.0, ti.i32)
+    return ti.cast(bearing[i] >= 2 or mobility(w, i).x == 0.0, ti.i32)
 
 
 @ti.kernel
@@ -155,15 +157,15 @@ def count_ends(w: ti.template(), least: ti.f32, bearing: ti.types.ndarray(), end
         met = 0
         grains = 0
         for i in range(w.blocks.grain_start[b], w.blocks.grain_end[b]):
-            if bearing[i] >= 2 and w.grains.mobility[i].x > 0.0:
+            if bearing[i] >= 2 and mobility(w, i).x > 0.0:
                 grains += 1
         for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
             i, j = w.pairs.first[p], w.pairs.second[p]
             if w.pairs.force[p].x > least and carries(w, i, bearing) == 1 and carries(w, j, bearing) == 1:
-                met += ti.cast(w.grains.mobility[i].x > 0.0, ti.i32) + ti.cast(w.grains.mobility[j].x > 0.0, ti.i32)
+                met += ti.cast(mobility(w, i).x > 0.0, ti.i32) + ti.cast(mobility(w, j).x > 0.0, ti.i32)
         for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
             i = w.pairs.first[p]
-            if w.pairs.force[p].x > least and bearing[i] >= 2 and w.grains.mobility[i].x > 0.0:
+            if w.pairs.force[p].x > least and bearing[i] >= 2 and mobility(w, i).x > 0.0:
                 met += 1
         ends[b, 0] = met
         ends[b, 1] = grains

@@ -76,7 +76,7 @@ def contacts(sim: Any) -> dict[str, Any]:
     real, dtype = _real(sim)
     w = sim.world
     sums = np.zeros((_blocks(w), observe.PAIR_COLUMNS), dtype)
-    overlaps = np.zeros(w.half, dtype)
+    overlaps = np.zeros(w.half * (1 + w.sleeps), dtype)
     observe.sum_pairs(w, _frame(sim, dtype), sums, overlaps, real)
     total = sums.sum(axis=0, dtype=np.float64)
     touching = overlaps[overlaps > 0] / sim.bed.diameter
@@ -142,6 +142,7 @@ def report(sim: Any) -> dict[str, Any]:
         "steps": int(sim.steps),
         "grains": sim.count,
         "grains_lost": int(sim.lost),
+        **({"grains_asleep": int(sim.world.naps.state[None].asleep)} if sim.world.sleeps else {}),
         "tolerance": float(sim.scene.solver.tolerance),
         **contacts(sim),
         **motion(sim),

@@ -7,7 +7,7 @@ nothing is copied on a CPU.
 import numpy as np
 import taichi as ti
 
-from taichi_sand.world.geometry import movable, position, spin, velocity
+from taichi_sand.world.geometry import mobility, movable, position, spin, velocity
 from taichi_sand.world.tables import World
 
 NEAR = 1.3
@@ -71,7 +71,7 @@ def block_count(w: ti.template()):
     """Blocks of the sweep that are in use: together they hold every pair once."""
     count = w.blocks.pair_start.shape[0]
     if ti.static(w.layout == "cells"):
-        count = w.grid.columns[None] * w.grid.rows[None]
+        count = w.grid.columns[None] * w.grid.rows[None] + ti.static(w.sleeps)
     return count
 
 
@@ -90,10 +90,10 @@ def fill_energy(w: ti.template(), out: Rows):
     for i in range(w.count[None]):
         energy = 0.0
         if movable(w, i) > 0.0:
-            energy += ti.cast(0.5 * velocity(w, i).norm_sqr() / w.grains.mobility[i].x, ti.f32)
+            energy += ti.cast(0.5 * velocity(w, i).norm_sqr() / mobility(w, i).x, ti.f32)
         if ti.static(w.turns):
-            if w.grains.mobility[i].z > 0.0:
-                energy += ti.cast(0.5 * spin(w, i) ** 2 / w.grains.mobility[i].z, ti.f32)
+            if mobility(w, i).z > 0.0:
+                energy += ti.cast(0.5 * spin(w, i) ** 2 / mobility(w, i).z, ti.f32)
         out[i] = energy
 
 

@@ -8,7 +8,7 @@ import taichi as ti
 
 from taichi_sand.measure.structure import block_count
 from taichi_sand.view.shapes import disc, lighter, line, mix
-from taichi_sand.world.geometry import movable, position
+from taichi_sand.world.geometry import mobility, movable, position
 from taichi_sand.world.tables import CHUNK
 
 BANDS = 16
@@ -118,7 +118,7 @@ def place_discs(w: ti.template(), scale: ti.f32, width: ti.i32, height: ti.i32, 
             r = ti.cast(w.grains.radius[i], ti.f32) * scale * SHOWN_RADIUS
             angle = NO_SPOKE
             if ti.static(w.turns):
-                if w.grains.mobility[i].z > 0.0:
+                if mobility(w, i).z > 0.0:
                     angle = ti.cast(w.grains.angle[i] + w.grains.turn[i], ti.f32)
             for across in ti.static((-1, 0, 1) if w.periodic[0] else (0,)):
                 for up in ti.static((-1, 0, 1) if w.periodic[1] else (0,)):

@@ -9,6 +9,7 @@ import taichi as ti
 from taichi_sand.scene.packing import Pack
 from taichi_sand.world import flags
 from taichi_sand.world.grid import allocate_grid
+from taichi_sand.world.naps import allocate_naps
 from taichi_sand.world.pairs import LEAST_SKIN, LEAST_SLACK, MOST_REACH, MOST_SKIN, MOST_SLACK
 from taichi_sand.world.tables import (
     LANES,
@@ -66,7 +67,7 @@ def lay_walls(scene: Any, spacing: tuple[float, float], sites: tuple[int, int], 
     return build_walls(parts, spacing, sites, reach, real)
 
 
-def make_world(scene: Any, pack: Pack, extra: int, turns: bool, gpu: bool, room: int = 0) -> World:
+def make_world(scene: Any, pack: Pack, extra: int, turns: bool, gpu: bool, room: int = 0, sleeps: bool = False) -> World:
     """World of `scene` with room for the grains of `pack` and `room` more; `extra` columns of the pair table follow a pair."""
     real = ti.f64 if scene.solver.precision == 64 else ti.f32
     count = len(pack.radius)
@@ -85,8 +86,8 @@ def make_world(scene: Any, pack: Pack, extra: int, turns: bool, gpu: bool, room:
     wall_base = PAIRS_PER_GRAIN * (capacity + lanes * min(blocks, STRIPS))
     world = World(
         grains=allocate_grains(real, capacity),
-        pairs=allocate_pairs(real, capacity, wall_base + wall_half, extra),
-        blocks=allocate_blocks(blocks, lanes),
+        pairs=allocate_pairs(real, capacity, wall_base + wall_half, extra, 3 if sleeps else 2),
+        blocks=allocate_blocks(blocks + sleeps, lanes),
         grid=allocate_grid(real, capacity, cells),
         walls=lay_walls(scene, spacing, sites, largest / 2 + MOST_REACH * diameter, real),
         pace=pace_type(real).field(shape=()),
@@ -100,6 +101,8 @@ def make_world(scene: Any, pack: Pack, extra: int, turns: bool, gpu: bool, room:
         wall_base=wall_base,
         wall_half=wall_half,
         turns=turns,
+        sleeps=sleeps,
+        naps=allocate_naps(real, capacity, sites) if sleeps else None,
         layout=layout,
         lanes=lanes,
         real=real,
@@ -132,6 +135,8 @@ def fill(world: World, pack: Pack) -> None:
         whole[:count] = values
         field.from_numpy(whole)
     world.count[None] = count
+    if world.sleeps:
+        world.naps.state[None].awake = count
 
 
 def read_grains(world: World) -> dict[str, np.ndarray]:

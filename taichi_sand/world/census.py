@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from taichi_sand.world.geometry import position
+from taichi_sand.world.geometry import movable, position
+from taichi_sand.world.rest import wake
 from taichi_sand.world.tables import World
 
 NUMBERS = 9
@@ -62,7 +63,7 @@ def read_places(w: ti.template(), numbers: ti.types.ndarray(), whole: ti.types.n
         p = position(w, i)
         numbers[i, 0], numbers[i, 1], numbers[i, 2] = p.x, p.y, w.grains.radius[i]
         whole[i, 0], whole[i, 1] = w.grains.id[i], w.grains.kind[i]
-        whole[i, 2] = ti.cast(w.grains.mobility[i].x == 0.0, ti.i32)
+        whole[i, 2] = ti.cast(movable(w, i) == 0.0, ti.i32)
 
 
 def real_of(world: World) -> Any:
@@ -95,6 +96,7 @@ def add(world: World, grains: dict[str, np.ndarray], first_id: int) -> None:
         grains: position, velocity (n, 2), angle, spin, radius, mass, inertia, kind (n,); SI.
         first_id: an id that was never given before, and all above it.
     """
+    wake(world)
     count = len(grains["radius"])
     spacing = np.array(world.box[None].spacing.to_list())
     site = np.floor(grains["position"] / spacing)
@@ -106,6 +108,8 @@ def add(world: World, grains: dict[str, np.ndarray], first_id: int) -> None:
     whole = np.column_stack([site, first_id + np.arange(count), grains["kind"]]).astype(np.int32)
     put(world, numbers, whole)
     world.count[None] += count
+    if world.sleeps:
+        world.naps.state[None].awake += count
     world.pace[None].spent = 1
 
 

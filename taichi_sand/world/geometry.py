@@ -28,9 +28,28 @@ def spin(w: ti.template(), i):
 
 
 @ti.func
+def present(w: ti.template()):
+    """Slots in use, but for those of sleepers, which lie behind."""
+    count = w.count[None]
+    if ti.static(w.sleeps):
+        count = w.naps.state[None].awake
+    return count
+
+
+@ti.func
+def mobility(w: ti.template(), i):
+    """1/mass, 1/mass, 1/moment of inertia, 0 of grain i; of a sleeper, which answers to nothing, those it has awake."""
+    own = w.grains.mobility[i]
+    if ti.static(w.sleeps):
+        if i >= w.naps.state[None].awake and w.naps.state[None].asleep > 0:
+            own = w.naps.mobility[i]
+    return own
+
+
+@ti.func
 def movable(w: ti.template(), i):
     """1 if grain i can be accelerated, 0 if it is fixed."""
-    return ti.select(w.grains.mobility[i].x > 0.0, 1.0, 0.0)
+    return ti.select(mobility(w, i).x > 0.0, 1.0, 0.0)
 
 
 @ti.func
@@ -95,6 +114,8 @@ def spin_mass(w: ti.template(), i, j, wall: ti.template()):
 def wall_row(w: ti.template(), p):
     """Row of wall pair p in the wall-only columns."""
     half = ti.cast(p >= w.half, ti.i32)
+    if ti.static(w.sleeps):
+        half += ti.cast(p >= 2 * w.half, ti.i32)
     return p - half * w.half - w.wall_base + half * w.wall_half
 
 

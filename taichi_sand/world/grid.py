@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import taichi as ti
 
 from taichi_sand.world.flags import ESCAPED, flag
-from taichi_sand.world.geometry import position, velocity
+from taichi_sand.world.geometry import position, present, velocity
+from taichi_sand.world.tables import STRIPS
 
 
 class Grid(NamedTuple):
@@ -111,18 +112,18 @@ def sort(w: ti.template()):
     """Stable counting sort of the grains by cell; leaves the old slot of each in `source` and drops the grains that left."""
     grid = ti.static(w.grid)
     cells = grid.columns[None] * grid.rows[None]
-    present = w.count[None]
+    count = present(w)
     ti.loop_config(serialize=True)
     for c in range(cells + 2):
         grid.start[c] = 0
     ti.loop_config(serialize=True)
-    for i in range(present):
+    for i in range(count):
         grid.start[grid.cell[i] + 1] += 1
     ti.loop_config(serialize=True)
     for c in range(cells + 1):
         grid.start[c + 1] += grid.start[c]
     ti.loop_config(serialize=True)
-    for i in range(present):
+    for i in range(count):
         slot = grid.start[grid.cell[i]]
         grid.start[grid.cell[i]] = slot + 1
         grid.source[slot] = i
@@ -131,15 +132,22 @@ def sort(w: ti.template()):
         c = cells + 1 - k
         grid.start[c] = grid.start[c - 1]
     grid.start[0] = 0
-    w.count[None] = grid.start[cells]
+    if ti.static(w.sleeps):
+        w.naps.state[None].awake = grid.start[cells]
+        if w.naps.state[None].asleep == 0:
+            w.count[None] = grid.start[cells]
+        elif grid.start[cells] < count:
+            w.naps.state[None].due = 1
+    else:
+        w.count[None] = grid.start[cells]
 
 
 @ti.func
-def permute(w: ti.template(), present):
+def permute(w: ti.template(), count):
     """Moves every row of the grain table, and its cell, into the new order."""
     grid = ti.static(w.grid)
     ti.loop_config(serialize=w.layout == "one")
-    for i in range(present):
+    for i in range(count):
         g = ti.static(w.grains)
         k = grid.source[i]
         o, u, v, m, f = g.offset[k], g.start_velocity[k], g.twist[k], g.mobility[k], g.wrench[k]
@@ -148,7 +156,7 @@ def permute(w: ti.template(), present):
         body = [m.x, m.y, m.z, m.w, f.x, f.y, f.z, f.w, g.radius[k], g.angle[k]]
         grid.number[i] = ti.Vector(motion + body)
     ti.loop_config(serialize=w.layout == "one")
-    for i in range(present):
+    for i in range(count):
         g = ti.static(w.grains)
         n, k = grid.number[i], grid.whole[i]
         g.site[i], g.id[i], g.kind[i], grid.cell[i] = ti.Vector([k[0], k[1]]), k[2], k[3], k[4]
@@ -157,3 +165,30 @@ def permute(w: ti.template(), present):
         g.wrench[i], g.radius[i], g.angle[i] = ti.Vector([n[12], n[13], n[14], n[15]]), n[16], n[17]
         p = position(w, i)
         grid.flight[i] = ti.Vector([p.x, p.y, n[4], n[5]])
+    if ti.static(w.sleeps):
+        for i in range(count):
+            w.naps.push[i].x = w.naps.still[grid.source[i]]
+        for i in range(count):
+            w.naps.still[i] = w.naps.push[i].x
+
+
+@ti.func
+def cut_blocks(w: ti.template()):
+    """First and last grain of every block of the sweep."""
+    grid = ti.static(w.grid)
+    blocks = ti.static(w.blocks)
+    columns, rows = grid.columns[None], grid.rows[None]
+    if ti.static(w.layout == "one"):
+        blocks.grain_start[0], blocks.grain_end[0] = 0, present(w)
+    elif ti.static(w.layout == "strips"):
+        ti.loop_config(serialize=True)
+        for b in range(STRIPS):
+            start, end = b * columns // STRIPS, (b + 1) * columns // STRIPS
+            if columns < STRIPS:
+                start, end = ti.min(b, columns), ti.min(b + 1, columns)
+                if ti.static(w.periodic[0]):
+                    start, end = (0 if b == 0 else columns), columns
+            blocks.grain_start[b], blocks.grain_end[b] = grid.start[start * rows], grid.start[end * rows]
+    else:
+        for b in range(columns * rows):
+            blocks.grain_start[b], blocks.grain_end[b] = grid.start[b], grid.start[b + 1]

@@ -28,8 +28,11 @@ def recall(w: ti.template(), row_start: ti.template(), row_count: ti.template(),
     """Row of the search before that held (first, second), slots of that search; -1 if there is none."""
     found = -1
     slot = (1 - w.pace[None].half) * w.capacity + first
+    step = apart
+    if ti.static(w.sleeps):
+        step = 1 if row_start[slot] >= 2 * w.half else apart  # frozen pairs follow one another
     for k in range(row_count[slot]):
-        row = row_start[slot] + k * apart
+        row = row_start[slot] + k * step
         if w.pairs.second[row] == second:
             found = row
     return found

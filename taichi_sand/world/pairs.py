@@ -7,9 +7,10 @@ holds until the horizon is reached or a grain has left its foreseen path by half
 import taichi as ti
 
 from taichi_sand.world.flags import PAIRS_FULL, WALL_PAIRS_FULL, flag
-from taichi_sand.world.geometry import distance_to_second, velocity, wall_row
-from taichi_sand.world.grid import anchor, cell_of, lay_cells, outside, permute, sort
+from taichi_sand.world.geometry import distance_to_second, mobility, present, velocity, wall_row
+from taichi_sand.world.grid import anchor, cell_of, cut_blocks, lay_cells, outside, permute, sort
 from taichi_sand.world.memory import carry, remember, remember_wall
+from taichi_sand.world.naps import call, settle, site_of, translate
 from taichi_sand.world.tables import CHUNK, FAR, PAIRS_PER_GRAIN, STRIPS, WALL_PAIRS_PER_GRAIN
 
 LEAST_SKIN, MOST_SKIN = 0.04, 0.5
@@ -29,8 +30,11 @@ def foresee(w: ti.template()):
     """Chooses skin, horizon and cells from how much the velocities differ."""
     box = w.box[None]
     low, high = ti.Vector([1e30, 1e30]), ti.Vector([-1e30, -1e30])
+    if ti.static(w.sleeps):
+        if w.naps.state[None].asleep > 0:
+            low, high = ti.Vector([0.0, 0.0]), ti.Vector([0.0, 0.0])
     ti.loop_config(serialize=True)
-    for i in range(w.count[None]):
+    for i in range(present(w)):
         anchor(w, i)
         low = ti.min(low, velocity(w, i))
         high = ti.max(high, velocity(w, i))
@@ -54,31 +58,9 @@ def foresee(w: ti.template()):
 def assign_cells(w: ti.template()):
     """Cell of every grain; the one behind the last for those that left."""
     ti.loop_config(serialize=True)
-    for i in range(w.count[None]):
+    for i in range(present(w)):
         gone = outside(w, i)
         w.grid.cell[i] = w.grid.columns[None] * w.grid.rows[None] if gone else cell_of(w, i)
-
-
-@ti.func
-def cut_blocks(w: ti.template()):
-    """First and last grain of every block of the sweep."""
-    grid = ti.static(w.grid)
-    blocks = ti.static(w.blocks)
-    columns, rows = grid.columns[None], grid.rows[None]
-    if ti.static(w.layout == "one"):
-        blocks.grain_start[0], blocks.grain_end[0] = 0, w.count[None]
-    elif ti.static(w.layout == "strips"):
-        ti.loop_config(serialize=True)
-        for b in range(STRIPS):
-            start, end = b * columns // STRIPS, (b + 1) * columns // STRIPS
-            if columns < STRIPS:
-                start, end = ti.min(b, columns), ti.min(b + 1, columns)
-                if ti.static(w.periodic[0]):
-                    start, end = (0 if b == 0 else columns), columns
-            blocks.grain_start[b], blocks.grain_end[b] = grid.start[start * rows], grid.start[end * rows]
-    else:
-        for b in range(columns * rows):
-            blocks.grain_start[b], blocks.grain_end[b] = grid.start[b], grid.start[b + 1]
 
 
 @ti.func
@@ -104,6 +86,8 @@ def list_block(w: ti.template(), b):
             row = half * w.capacity + i
             pairs.row_start[row], pairs.wall_row_start[row] = p, q
             next_p = list_neighbours(w, i, p, last, lanes)
+            if ti.static(w.sleeps):
+                next_p = list_sleepers(w, i, next_p, last, lanes)
             next_q = list_walls(w, i, q, last_q)
             pairs.row_count[row], pairs.wall_row_count[row] = (next_p - p) // lanes, next_q - q
             p, q = next_p, next_q
@@ -189,6 +173,37 @@ def list_range(w: ti.template(), i, start, end, p, last, lanes: ti.template()):
 
 
 @ti.func
+def list_sleepers(w: ti.template(), i, p, last, lanes: ti.template()):
+    """Lists grain i, awake, with the sleepers that it may meet; those it would hit are called before. Returns the next row."""
+    naps = ti.static(w.naps)
+    row = p
+    if naps.state[None].asleep > 0:
+        box, v = w.box[None], velocity(w, i)
+        rounding = 1e-6 * (box.size.x + box.size.y)
+        near = w.grains.radius[i] + 0.5 * box.largest + w.pace[None].skin + v.norm() * w.pace[None].horizon + rounding
+        low = ti.cast(ti.floor((w.grid.flight[i].xy - near) / box.spacing), ti.i32)
+        high = ti.min(ti.cast(ti.floor((w.grid.flight[i].xy + near) / box.spacing), ti.i32), low + box.sites - 1)
+        for k in ti.static(range(2)):
+            if ti.static(not w.periodic[k]):
+                low[k], high[k] = ti.max(low[k], 0), ti.max(high[k], 0)
+                low[k], high[k] = ti.min(low[k], box.sites[k] - 1), ti.min(high[k], box.sites[k] - 1)
+        for x in range(low.x, high.x + 1):
+            if ti.static(w.periodic[1]):
+                for y in range(low.y, high.y + 1):
+                    site = site_of(w, x, y)
+                    row = list_range(w, i, naps.start[site], naps.start[site + 1], row, last, lanes)
+            else:
+                top = site_of(w, x, high.y) + 1
+                row = list_range(w, i, naps.start[site_of(w, x, low.y)], naps.start[top], row, last, lanes)
+        for k in range((row - p) // lanes):
+            q = p + k * lanes
+            if v.dot(w.pairs.normal[q]) > naps.state[None].impact:
+                if may_meet(w.pairs.reach[q], -v, w.pairs.contact_distance[q], w.pace[None].horizon):
+                    call(w, w.pairs.second[q])
+    return row
+
+
+@ti.func
 def list_pair(w: ti.template(), i, j, row, last, lanes: ti.template()):
     """Lists grains i and j if, looked at closely, they may meet. Returns the next row."""
     g = ti.static(w.grains)
@@ -200,18 +215,18 @@ def list_pair(w: ti.template(), i, j, row, last, lanes: ti.template()):
             hop[k] -= box.sites[k] * ti.cast(ti.floor(ti.cast(hop[k], w.real) / box.sites[k] + 0.5), ti.i32)
     reach = ti.cast(hop, w.real) * box.spacing + (g.offset[j] - g.offset[i])
     radii = g.radius[i] + g.radius[j]
-    weight = g.mobility[i].x + g.mobility[j].x
+    give = mobility(w, i) + mobility(w, j)
     next_row = row
-    if weight > 0.0 and may_meet(reach, velocity(w, j) - velocity(w, i), radii + w.pace[None].skin, w.pace[None].horizon):
+    if give.x > 0.0 and may_meet(reach, velocity(w, j) - velocity(w, i), radii + w.pace[None].skin, w.pace[None].horizon):
         if row >= last:
             flag(w, PAIRS_FULL, g.id[i])
         else:
             pairs.first[row], pairs.second[row] = i, j
             pairs.reach[row] = reach
             pairs.contact_distance[row] = radii
-            turning = g.mobility[i].z * g.radius[i] ** 2 + g.mobility[j].z * g.radius[j] ** 2
-            pairs.mass[row], pairs.mass_t[row] = 1.0 / weight, 1.0 / (weight + turning)
-            pairs.root_mass[row] = ti.sqrt(1.0 / weight)
+            turning = mobility(w, i).z * g.radius[i] ** 2 + mobility(w, j).z * g.radius[j] ** 2
+            pairs.mass[row], pairs.mass_t[row] = 1.0 / give.x, 1.0 / (give.x + turning)
+            pairs.root_mass[row] = ti.sqrt(1.0 / give.x)
             pairs.normal[row] = reach / (reach.norm() + 1e-30)
             pairs.gap[row] = reach.norm() - radii
             remember(w, row, i, j)
@@ -277,11 +292,13 @@ def write_wall_row(w: ti.template(), row, i, part, reach, along, bounds, kind):
 @ti.func
 def search(w: ti.template()):
     """The whole search, to be called at the top level of a kernel or, for the layout "one", inside a serial loop."""
-    present = w.count[None]
+    count = present(w)
     foresee(w)
     assign_cells(w)
     sort(w)
-    permute(w, present)
+    permute(w, count)
+    if ti.static(w.sleeps):
+        translate(w)
     cut_blocks(w)
     if ti.static(w.layout == "one"):
         list_block(w, 0)
@@ -292,3 +309,11 @@ def search(w: ti.template()):
     else:
         for b in range(w.grid.columns[None] * w.grid.rows[None]):
             list_block(w, b)
+    if ti.static(w.sleeps):
+        settle(w)
+
+
+@ti.kernel
+def search_now(w: ti.template()):
+    """One search, its loops over blocks in parallel."""
+    search(w)

@@ -7,6 +7,7 @@ order. A block is the whole world ("one": a serial loop at the speed of C), a st
 
 import taichi as ti
 
+from taichi_sand.world.geometry import present
 from taichi_sand.world.tables import CHUNK, STRIPS
 
 CELL_COLOURS = 6
@@ -102,6 +103,6 @@ def each_grain(w: ti.template(), grain: ti.template(), s: ti.template(), c: ti.t
             if k % CHUNK == 0 and going(w):
                 grains_of_block(w, k // CHUNK, grain, s, c)
     else:
-        for i in range(w.count[None]):
+        for i in range(present(w)):
             if going(w):
                 grain(w, s, c, i, i + 1)

@@ -106,6 +106,8 @@ class World:
     wall_base: int  # row within a half where wall pairs begin
     wall_half: int  # rows of one half of the wall-only columns
     turns: bool  # whether anything can turn a grain
+    sleeps: bool  # whether grains may sleep
+    naps: Any  # world.naps.Naps, or None if they may not
     layout: str  # of the sweep: "one", "strips" or "cells"
     lanes: int  # runs that a block's pairs are dealt from
     real: Any  # ti.f32 or ti.f64
@@ -164,12 +166,12 @@ def allocate_grains(real: Any, rows: int) -> Grains:
     return Grains(*columns)
 
 
-def allocate_pairs(real: Any, capacity: int, half: int, extra: int) -> Pairs:
-    """Empty pair table of two halves for `capacity` grains, with `extra` columns that follow a pair from search to search, as its force
-    does: what is read between a search and the next step is then still what the pair carries.
+def allocate_pairs(real: Any, capacity: int, half: int, extra: int, parts: int) -> Pairs:
+    """Empty pair table of two halves, or with sleepers three parts, for `capacity` grains, with `extra` columns that follow a pair from
+    search to search, as its force does: what is read between a search and the next step is then still what the pair carries.
     """
     wall_half = WALL_PAIRS_PER_GRAIN * capacity
-    rows = 2 * half
+    rows = parts * half
     force = vectors(real, rows)
     columns = tuple(ti.field(real, rows) for _ in range(extra))
     return Pairs(
@@ -185,9 +187,9 @@ def allocate_pairs(real: Any, capacity: int, half: int, extra: int) -> Pairs:
         force=force,
         memory=(force, *columns),
         **{name: ti.field(ti.i32, 2 * capacity) for name in ("row_start", "row_count", "wall_row_start", "wall_row_count")},
-        along=vectors(real, 2 * wall_half),
-        bounds=vectors(real, 2 * wall_half),
-        side=ti.field(real, 2 * wall_half),
+        along=vectors(real, parts * wall_half),
+        bounds=vectors(real, parts * wall_half),
+        side=ti.field(real, parts * wall_half),
     )
 
 

@@ -1,0 +1,207 @@
+"""Sleep: grains that have been still lie behind the others in the grain table, and no loop of a step or a search runs over them.
+
+Slots 0 .. awake-1 are awake, the next `asleep` sleep, sorted by lattice site. The pairs among sleepers, and of sleepers with walls, are
+frozen in a third part of the pair table, with what they carry. A pair of a grain that is awake with a sleeper is listed as any other,
+first the one awake: the sleeper holds still, but with the mass that it has awake, so that neither its force nor its overlap changes.
+
+Falling asleep and waking are rare, and go through a search of everybody, after which who sleeps is chosen afresh (world.rest).
+`origin` tells the search which slot a grain had when the pairs before were listed.
+"""
+
+from typing import Any, NamedTuple
+
+import taichi as ti
+
+from taichi_sand.world.geometry import perp, spin, velocity
+from taichi_sand.world.tables import round_up
+
+ASLEEP = 1e9
+"""`still` of a sleeper [s]."""
+FEWEST = 0.01
+"""Share of the grains that must be ready to sleep for it to be worth the search."""
+LOOKS = 6
+"""Looks from one choice of new sleepers to the next."""
+
+
+class Naps(NamedTuple):
+    """What sleeping needs. Columns by slot, shape (capacity,), unless said otherwise."""
+
+    still: Any  # for how long the grain has been still [s]; ASLEEP for sleepers
+    mobility: Any  # of a sleeper, what it gets back when it wakes; a 4-vector as in Grains
+    origin: Any  # slot before the last rearrangement, i32
+    slot: Any  # scratch: slot after it, -1 = stays awake, i32
+    row_start: Any  # frozen pairs of a sleeper: first row, the others follow, i32
+    row_count: Any
+    wall_row_start: Any
+    wall_row_count: Any
+    balance: Any  # weight and frozen contact forces of a sleeper [N], 2-vector
+    load: Any  # sum of their sizes [N]
+    push: Any  # scratch: all forces on it [N], 2-vector
+    start: Any  # first sleeper at each lattice site, shape (sites + 2,), i32
+    restless: Any  # 1 = a grain at the site is not still; shape (sites,), i32
+    woken: Any  # 1 = sleepers at the site are to wake; shape (sites,), i32
+    state: Any  # 0-D struct of state_type
+
+
+def state_type(real: Any) -> Any:
+    """Struct of the numbers of sleep."""
+    return ti.types.struct(
+        awake=ti.i32,
+        asleep=ti.i32,
+        moved=ti.i32,  # 1 = slots have been rearranged since the last search
+        due=ti.i32,  # 1 = somebody must wake, or a slot has fallen empty, before the next step
+        looks=ti.i32,  # how often it was looked who is still
+        seen=ti.i32,  # steps done when it was looked last
+        impact=real,  # approach that wakes a sleeper before it is hit [m/s]
+    )
+
+
+def allocate_naps(real: Any, capacity: int, sites: tuple[int, int]) -> Naps:
+    """Empty tables: everybody is awake."""
+    whole = {name: ti.field(ti.i32, capacity) for name in ("origin", "slot", "row_start", "row_count", "wall_row_start", "wall_row_count")}
+    count = round_up(sites[0] * sites[1] + 2)
+    return Naps(
+        still=ti.field(real, capacity),
+        mobility=ti.Vector.field(4, real, capacity),
+        balance=ti.Vector.field(2, real, capacity),
+        load=ti.field(real, capacity),
+        push=ti.Vector.field(2, real, capacity),
+        start=ti.field(ti.i32, count),
+        restless=ti.field(ti.i32, count),
+        woken=ti.field(ti.i32, count),
+        state=state_type(real).field(shape=()),
+        **whole,
+    )
+
+
+@ti.func
+def site_of(w: ti.template(), x, y):
+    """Number of lattice site (x, y), the nearest one of the box, or the one that it is where the box is periodic."""
+    sites = w.box[None].sites
+    at = ti.Vector([x, y])
+    for k in ti.static(range(2)):
+        if ti.static(w.periodic[k]):
+            at[k] = (at[k] + sites[k]) % sites[k]
+        else:
+            at[k] = ti.min(ti.max(at[k], 0), sites[k] - 1)
+    return at.x * sites.y + at.y
+
+
+@ti.func
+def home(w: ti.template(), i):
+    """Lattice site of grain i."""
+    return site_of(w, w.grains.site[i].x, w.grains.site[i].y)
+
+
+@ti.func
+def call(w: ti.template(), j):
+    """The sleepers at the site of j and around it are to wake."""
+    site = w.grains.site[j]
+    for x in range(site.x - 1, site.x + 2):
+        for y in range(site.y - 1, site.y + 2):
+            w.naps.woken[site_of(w, x, y)] = 1
+    w.naps.state[None].due = 1
+
+
+@ti.kernel
+def watch(w: ti.template(), s: ti.template()) -> ti.i32:
+    """Looks who is still, and which sleepers are no longer held in balance. Returns 1 if somebody should wake or fall asleep."""
+    naps = ti.static(w.naps)
+    c = s.constants[None]
+    unit = ti.sqrt(w.box[None].gravity.norm() * w.box[None].diameter)
+    naps.state[None].impact = c.sleeping_impact * unit
+    awake, asleep = naps.state[None].awake, naps.state[None].asleep
+    time = (w.pace[None].done - naps.state[None].seen) * w.pace[None].step
+    naps.state[None].seen = w.pace[None].done
+    naps.state[None].looks += 1
+    ti.loop_config(serialize=True)
+    for _run in range(1):
+        ready = 0
+        for i in range(awake):
+            v = velocity(w, i)
+            turning = w.grains.radius[i] * spin(w, i)
+            calm = v.dot(v) + turning * turning < (c.sleeping_speed * unit) ** 2
+            naps.still[i] = naps.still[i] + time if calm else 0.0
+            ready += ti.cast(naps.still[i] >= c.sleeping_time, ti.i32)
+        if awake > 0 and asleep > 0:
+            weigh(w, c.sleeping_share)
+        wanted = ready > 0 and (ready == awake or ready > FEWEST * (awake + asleep))
+        if wanted and naps.state[None].looks % LOOKS == 0:
+            naps.state[None].due = 1
+    return naps.state[None].due
+
+
+@ti.func
+def weigh(w: ti.template(), share):
+    """Calls the sleepers on which forces no longer balance."""
+    naps = ti.static(w.naps)
+    asleep = naps.state[None].asleep
+    first = w.count[None] - asleep
+    for j in range(first, first + asleep):
+        naps.push[j] = naps.balance[j]
+    for b in range(sleeper_block(w)):
+        for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
+            j = w.pairs.second[p]
+            if j >= first and j < first + asleep:
+                force, normal = w.pairs.force[p], w.pairs.normal[p]
+                naps.push[j] = naps.push[j] + force.x * normal + force.y * perp(normal)
+    weight = w.box[None].gravity.norm()
+    for j in range(first, first + asleep):
+        if naps.mobility[j].x > 0.0:
+            bound = share * (naps.load[j] + weight / naps.mobility[j].x)
+            if naps.push[j].dot(naps.push[j]) > bound * bound:
+                call(w, j)
+
+
+@ti.func
+def sleeper_block(w: ti.template()):
+    """Block of the sleepers: the one behind those that a sweep runs over."""
+    b = ti.static(w.blocks.pair_start.shape[0] - 1)
+    if ti.static(w.layout == "cells"):
+        b = w.grid.columns[None] * w.grid.rows[None]
+    return b
+
+
+@ti.func
+def translate(w: ti.template()):
+    """In a search, after the sort: `source` is the slot of each grain when the pairs before were listed."""
+    naps, grid = ti.static(w.naps, w.grid)
+    if naps.state[None].moved == 1:
+        awake = naps.state[None].awake
+        for i in range(awake):
+            grid.source[i] = naps.origin[grid.source[i]]
+        for j in range(awake, awake + naps.state[None].asleep):
+            grid.source[j] = naps.origin[j]
+
+
+@ti.func
+def settle(w: ti.template()):
+    """At the end of a search: the frozen pairs are found by the slots of the sleepers, in either half, and make up a block."""
+    naps, pairs = ti.static(w.naps, w.pairs)
+    asleep = naps.state[None].asleep
+    first = w.count[None] - asleep
+    if naps.state[None].moved == 1:
+        for j in range(first, first + asleep):
+            w.grid.source[j] = j
+            for half in ti.static(range(2)):
+                at = half * w.capacity + j
+                pairs.row_start[at], pairs.row_count[at] = naps.row_start[j], naps.row_count[j]
+                pairs.wall_row_start[at], pairs.wall_row_count[at] = naps.wall_row_start[j], naps.wall_row_count[j]
+        naps.state[None].moved = 0
+    b = sleeper_block(w)
+    last, wall_last = 2 * w.half, 2 * w.half + w.wall_base
+    if asleep > 0:
+        j = first + asleep - 1
+        last, wall_last = naps.row_start[j] + naps.row_count[j], naps.wall_row_start[j] + naps.wall_row_count[j]
+    w.blocks.grain_start[b], w.blocks.grain_end[b] = first, first + asleep
+    w.blocks.pair_start[b], w.blocks.pair_end[b] = 2 * w.half, last
+    w.blocks.wall_start[b], w.blocks.wall_end[b] = 2 * w.half + w.wall_base, wall_last
+
+
+@ti.func
+def called(w: ti.template()):
+    """Whether sleepers are to wake before the next step."""
+    due = False
+    if ti.static(w.sleeps):
+        due = w.naps.state[None].due == 1
+    return due
