@@ -12,7 +12,7 @@ import importlib.util
 import pkgutil
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -124,7 +124,7 @@ def turns(tables: Mapping[str, Any]) -> bool:
     return any(getattr(module(name), "TURNS", False) for name in tables)
 
 
-def sleeps(tables: Mapping[str, Any]) -> bool:
+def sleeps(tables: Iterable[str]) -> bool:
     """Whether any of these effects lets grains sleep."""
     return any(getattr(module(name), "SLEEPS", False) for name in tables)
 

@@ -45,10 +45,18 @@ def inventory(sim: Simulation) -> list[dict[str, Any]]:
         if "between" in hooks:
             loops.append(f"pauses of {effect.interval:.3g} s")
         live = {p.name: values[p.name] for p in effects.module(name).PARAMETERS if p.live}
-        columns = effects.columns(name, values, kind)
-        pair_column = bytes_of(sim.world.pairs.gap)
-        rows.append({"name": name, "on": True, "bytes": columns * pair_column, "hooks": hooks, "loops": loops, "live": live})
+        size = effects.columns(name, values, kind) * bytes_of(sim.world.pairs.gap)
+        if effects.sleeps([name]):
+            size += sleep_bytes(sim.world)
+        rows.append({"name": name, "on": True, "bytes": size, "hooks": hooks, "loops": loops, "live": live})
     return rows
+
+
+def sleep_bytes(world: Any) -> int:
+    """Bytes of the tables of sleep: its own, and the third part of the pair table."""
+    pairs = {id(field): field for field in (*world.pairs[:-1], *world.pairs.memory, world.pairs.side) if hasattr(field, "shape")}
+    thirds = [field for field in pairs.values() if field.shape[0] in (3 * world.half, 3 * world.wall_half)]
+    return sum(map(bytes_of, world.naps)) + sum(map(bytes_of, thirds)) // 3
 
 
 def table_bytes(sim: Simulation) -> int:
