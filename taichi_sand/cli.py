@@ -246,5 +246,6 @@ def main() -> None:
     app()
 
 
-if __name__ == "__main__":
-    main()
+from taichi_sand import cli_study  # noqa: E402  it takes what is defined above
+
+cli_study.register(app)

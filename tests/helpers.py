@@ -1,7 +1,6 @@
 """What the tests build their small worlds with: the laboratory of the study package, and a hash of a state."""
 
 import hashlib
-import os
 from typing import Any
 
 import numpy as np
@@ -56,9 +55,6 @@ __all__ = [
     "tables",
     "unit",
 ]
-
-os.environ.setdefault("TI_CFG_OPTIMIZATION", "0")
-"""Kernels then compile in less than half the time (rigid: 14 -> 6 s) and run as fast and to the same bits (measured)."""
 
 
 def digest(sim: Any) -> str:

@@ -13,9 +13,9 @@ MASS, PX, PY, SPIN, KINETIC, POTENTIAL, SPEED2, HEIGHT, LOWEST, MOVING = range(1
 """Columns of the sums over grains."""
 GRAIN_COLUMNS = 10
 
-LISTED, TOUCHING, OVERLAP, DEEPEST, PUSH, PUSHING, FLOOR, WALL = range(8)
+LISTED, TOUCHING, OVERLAP, DEEPEST, PUSH, PUSHING, FLOOR, WALL, OUTER_X, OUTER_Y = range(10)
 """Columns of the sums over pairs."""
-PAIR_COLUMNS = 8
+PAIR_COLUMNS = 10
 
 SPACING, UP, GRAVITY = 0, 2, 4
 """Where the frame array keeps (x, y) of the lattice spacing [m], of the upward unit vector, of gravity [m/s2]."""
@@ -92,6 +92,17 @@ def gap_now(w: ti.template(), p, wall: ti.template()):
 
 
 @ti.func
+def outer_side(w: ti.template(), p, wall: ti.template()):
+    """Sign of the force that pair p exerts on the grains that can move, from outside: walls and fixed grains; 0 within."""
+    first, second = w.pairs.first[p], w.pairs.second[p]
+    side = -1.0
+    if ti.static(not wall):
+        one, two = w.grains.mobility[first].x > 0.0, w.grains.mobility[second].x > 0.0
+        side = ti.cast(two, ti.f32) - ti.cast(one, ti.f32)
+    return side
+
+
+@ti.func
 def observe(
     w: ti.template(), frame: ti.template(), p, wall: ti.template(), overlaps: ti.template(), base, total: ti.template(), real: ti.template()
 ):
@@ -108,8 +119,11 @@ def observe(
     if force.x > 0.0:
         total[PUSH] += force.x
         total[PUSHING] += 1.0
+        push = force.x * normal + force.y * perp(normal)
+        side = outer_side(w, p, wall)
+        total[OUTER_X] += side * push.x
+        total[OUTER_Y] += side * push.y
         if ti.static(wall):
-            push = force.x * normal + force.y * perp(normal)
             total[WALL] += ti.sqrt(push.dot(push))
             if normal.x * frame[UP] + normal.y * frame[UP + 1] < -FLOOR_SLOPE:
                 total[FLOOR] -= push.x * frame[UP] + push.y * frame[UP + 1]

@@ -71,20 +71,25 @@ def motion(sim: Any) -> dict[str, Any]:
     }
 
 
-def contacts(sim: Any) -> dict[str, Any]:
-    """Pairs, overlaps as a fraction of d, coordination, and the force on floors and walls [N]."""
+def look_at_pairs(sim: Any) -> tuple[np.ndarray, np.ndarray]:
+    """The sums over pairs, by the columns of `observe`, and the overlaps of those that touch [m]."""
     real, dtype = _real(sim)
     w = sim.world
     sums = np.zeros((_blocks(w), observe.PAIR_COLUMNS), dtype)
     overlaps = np.zeros(w.half * (1 + w.sleeps), dtype)
     observe.sum_pairs(w, _frame(sim, dtype), sums, overlaps, real)
-    total = sums.sum(axis=0, dtype=np.float64)
-    touching = overlaps[overlaps > 0] / sim.bed.diameter
+    return sums.sum(axis=0, dtype=np.float64), overlaps[overlaps > 0].astype(np.float64)
+
+
+def contacts(sim: Any) -> dict[str, Any]:
+    """Pairs, overlaps as a fraction of d, coordination, and the force on floors and walls [N]."""
+    total, touching = look_at_pairs(sim)
+    touching /= sim.bed.diameter
     mean_push = total[observe.PUSH] / total[observe.PUSHING] if total[observe.PUSHING] else 0.0
     return {
         "pairs": int(total[observe.LISTED]),
         "contacts": int(total[observe.TOUCHING]),
-        "overlap_mean": float(touching.mean(dtype=np.float64)) if len(touching) else 0.0,
+        "overlap_mean": float(touching.mean()) if len(touching) else 0.0,
         "overlap_p99": float(np.percentile(touching, 99)) if len(touching) else 0.0,
         "overlap_max": float(touching.max()) if len(touching) else 0.0,
         "coordination": coordination(sim, mean_push),
