@@ -158,6 +158,29 @@ def render(
 
 
 @app.command()
+def play(
+    scene: SceneName,
+    folder: Annotated[Path, typer.Option("--folder", metavar="DIR", help="Where pictures, films and checkpoints are written.")] = Path(),
+    report: Annotated[
+        Path | None, typer.Option("--report", metavar="FILE", help="What the window shows, four times a second, as lines of JSON.")
+    ] = None,
+    width: Annotated[int | None, typer.Option("--width", min=200, max=4000, help="Of the picture, in pixels.")] = None,
+    overrides: Overrides = None,
+    arch: Arch = "cpu",
+    threads: Threads = None,
+    precision: Precision = None,
+) -> None:
+    """Opens a window to watch and change the simulation, and to reach into it; `h` shows the keys."""
+    with in_one_sentence():
+        loaded = taichi_sand.load(scene, _overrides(overrides, **{"solver.precision": precision}))
+        for path in (folder / "any", *([report] if report else [])):
+            check_writable(path)
+        from taichi_sand.play.window import play as start
+
+        start(loaded, Path(scene).stem, folder=folder, width=width, report=report, arch=arch, threads=threads)
+
+
+@app.command()
 def scenes() -> None:
     """Lists the bundled scenes, a line each: name, title, what there is to see."""
     known = loading.bundled()

@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -25,6 +25,8 @@ from taichi_sand.world.naps import called
 from taichi_sand.world.pairs import search, search_now
 from taichi_sand.world.rest import rearrange, wake
 
+LEAST_ROOM = 1000
+"""Room for grains that a user adds by hand."""
 BATCH = 8
 """Steps of a large world between two looks at whether its search still holds; steps that find it spent do nothing."""
 
@@ -57,7 +59,7 @@ class Simulation:
         arch: cpu, cuda, vulkan, metal or gpu (the best there is).
         threads: CPU threads; all there are if None. Results do not depend on it.
         room: how many grains more than those of the scene there may be, for what adds some while it runs.
-        hand: whether somebody may reach into it, by `hand`.
+        hand: whether somebody may reach into it, by `hand`; unless `room` is given there is then room for half as many grains more.
 
     Raises:
         SandError: the scene cannot be simulated as it asks, or the backend is not there.
@@ -71,6 +73,8 @@ class Simulation:
             self.effects = effect_modules.check(scene)
             grains = pack(scene)
             check_periodic(scene, grains.radius)
+            if hand and not room:
+                self.room = max(LEAST_ROOM, len(grains) // 2)
             self._lay(grains, hand)
             fill(self.world, grains)
             self.made, self.removed = len(grains.radius), 0
@@ -168,10 +172,10 @@ class Simulation:
         self.epoch = (self.steps, self.time)
         self.scene, self.bed, self.numbers = scene, bed, numbers
         self.world.box[None].gravity = scene.gravity
-        self._set_numbers({**numbers, **(live or {})})
+        self.set_numbers({**numbers, **(live or {})})
         self.renew()
 
-    def _set_numbers(self, values: dict[str, float]) -> None:
+    def set_numbers(self, values: dict[str, float]) -> None:
         constants, pace = self.solver.constants, self.world.pace
         known = constants.keys
         for name, value in values.items():
@@ -281,11 +285,11 @@ class Simulation:
     def _fields(self) -> dict[str, Any]:
         return checkpoint.fields_of((self.world, self.solver), "")
 
-    def save(self, path: str | Path) -> None:
-        """Writes a checkpoint from which `resume` goes on as if nothing had happened."""
+    def save(self, path: str | Path, **more: Any) -> None:
+        """Writes a checkpoint from which `resume` goes on as if nothing had happened; `more` (JSON) is kept with it."""
         about = {"scene": self.scene.to_json(), "lost": self.lost, "room": self.room, "hand": self.hand is not None}
         about |= {name: getattr(self, name) for name in ("made", "removed", "epoch", "numbers")}
-        checkpoint.save(path, about, self._fields())
+        checkpoint.save(path, {**about, **more, "bed": asdict(self.bed)}, self._fields())
 
     @classmethod
     def resume(cls, path: str | Path, *, arch: str = "cpu", threads: int | None = None) -> Self:

@@ -81,6 +81,8 @@ def length_text(metres: float) -> str:
 
 def number_text(value: float) -> str:
     """Three digits, without an exponent where that can be read."""
+    if not math.isfinite(value):
+        return str(value)
     if value == 0 or 1e-3 <= abs(value) < 1e5:
         return f"{float(f'{value:.3g}'):.10g}"
     digits, power = f"{value:.1e}".split("e")

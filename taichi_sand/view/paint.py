@@ -89,13 +89,17 @@ class Painter:
         self.legend: Legend | None = None
         self.chain_widths = self._chain_widths()
         self._maps = {name: palette.colour_map(view.stops) for name, view in VIEWS.items() if view.stops}
-        self._maps["energy"] = palette.blend_map(cold, hot)
+        self.set_energy_colours(cold, hot)
         self._chain_map = palette.colour_map(palette.CHAIN)
         self._tones = sand_tones(kinds)
         self._dim = np.full(kernels.TONES, palette.packed(palette.CHAIN_GRAIN), np.uint32)
         self._ranges = {name: Range(view.least) for name, view in VIEWS.items()}
         self._chain_range = Range()
         self._allocate()
+
+    def set_energy_colours(self, cold: str, hot: str) -> None:
+        """The ends of the scale of the view `energy`."""
+        self._maps["energy"] = palette.blend_map(cold, hot)
 
     def _allocate(self) -> None:
         """Lists that the kernels fill. Where edges are periodic a grain may be seen up to four times."""

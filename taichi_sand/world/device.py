@@ -47,6 +47,11 @@ def count_room(grains: int) -> None:
     state["grains"] += grains
 
 
+def forget() -> None:
+    """Lets the next simulation start Taichi afresh, which frees the fields of those that are gone."""
+    state["key"] = None
+
+
 def launch(arch: str, threads: int, precision: int) -> None:
     """ti.init, with an error in words if the backend is not there."""
     kind = getattr(ti, arch)

@@ -34,7 +34,7 @@ class Hand:
                 force = self.spring(w, i)
                 self.now[None].given += force * c.step  # of one grain only, so no two threads write it
         elif self.now[None].work != IDLE:
-            force = self.field(w, i)
+            force = self.field(w, c, i)
         return ti.Vector([force.x, force.y, 0.0, 0.0])
 
     @ti.func
@@ -50,7 +50,7 @@ class Hand:
         return pull
 
     @ti.func
-    def field(self, w: ti.template(), i):
+    def field(self, w: ti.template(), c: ti.template(), i):
         """STIR and ATTRACT: full at the hand, fading out to nothing at `reach`."""
         n = self.now[None]
         way = self.away(w, i)
@@ -59,7 +59,7 @@ class Hand:
         if distance < n.reach and w.grains.mobility[i].x > 0.0:
             share = 1.0 - (distance / n.reach) ** 2
             if n.work == STIR:
-                force = n.drag * share * (n.velocity - velocity(w, i))
+                force = n.drag / (1.0 + n.drag * c.step) * share * (n.velocity - velocity(w, i))  # stable at any step
             else:
                 force = n.rate * share * way / (distance + 0.05 * n.reach) - n.drag * share * velocity(w, i)
             force /= w.grains.mobility[i].x

@@ -5,6 +5,9 @@ import taichi as ti
 from taichi_sand.world.flags import NOT_FINITE, TOO_FAST, flag
 from taichi_sand.world.geometry import add, at_least, spin, velocity
 
+FASTEST_SURFACE = 4.0
+"""No surface turns faster than this times the speed cap: between physical limits never met, it keeps what is not physical finite."""
+
 
 @ti.func
 def guarded(w: ti.template(), i):
@@ -18,10 +21,17 @@ def guarded(w: ti.template(), i):
         twist = ti.Vector([0.0, 0.0, 0.0, 0.0])
         flag(w, NOT_FINITE, g.id[i])
     else:
-        slow = v * (cap / ti.sqrt(square))
-        twist = ti.Vector([slow.x, slow.y, spin(w, i), 0.0])
+        slow = v * ti.min(1.0, cap / ti.sqrt(square + 1e-30))
+        most = fastest_spin(w)
+        twist = ti.Vector([slow.x, slow.y, ti.min(most, ti.max(-most, spin(w, i))), 0.0])
         flag(w, TOO_FAST, g.id[i])
     return twist
+
+
+@ti.func
+def fastest_spin(w: ti.template()):
+    """No grain turns faster [rad/s]; the surface of a mean one then moves FASTEST_SURFACE times as fast as a grain may."""
+    return 2.0 * FASTEST_SURFACE * w.pace[None].speed_cap / w.box[None].diameter
 
 
 @ti.func
@@ -35,10 +45,10 @@ def with_body(w: ti.template(), s: ti.template(), c: ti.template(), i, load, tim
 
 
 @ti.func
-def check_speed(w: ti.template(), i, cap):
-    """Sees to it that the motion of grain i can be followed: no faster than `cap` [m/s]."""
+def check_speed(w: ti.template(), i, cap, most_spin):
+    """Sees to it that the motion of grain i can be followed: no faster than `cap` [m/s] and `most_spin` [rad/s]."""
     v = velocity(w, i)
-    if not (v.dot(v) <= cap * cap) or not (spin(w, i) * spin(w, i) >= 0.0):
+    if not (v.dot(v) <= cap * cap) or not (spin(w, i) * spin(w, i) <= most_spin * most_spin):
         w.grains.twist[i] = guarded(w, i)
 
 
@@ -48,10 +58,11 @@ def drift(w: ti.template(), start, end):
     g = ti.static(w.grains)
     step = w.pace[None].step
     cap = w.pace[None].speed_cap
+    most_spin = fastest_spin(w)
     time = ti.cast(w.pace[None].since + 1, w.real) * step
     off_path = 0.0
     for i in range(start, end):
-        check_speed(w, i, cap)
+        check_speed(w, i, cap, most_spin)
         v = velocity(w, i)
         shift = g.shift[i] + v * step
         g.shift[i] = shift

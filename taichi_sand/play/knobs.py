@@ -1,0 +1,148 @@
+"""The numbers that can be changed while a simulation runs: which there are, from where to where, and what changing one does.
+
+Every range, unit and line of help comes from where the number is declared: the scene's schema or the effect's PARAMETERS.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from taichi_sand import effects
+from taichi_sand.scene.schema import Scene, Solver
+
+GRAVITY = 20.0
+"""Largest component of gravity on a slider [m/s2]."""
+EXPERT = {"md": ("k_r", "k_d", "alpha", "beta", "stiffness"), "rigid": ("hertz",)}
+"""Keys of [solver] that get a slider where the scene gives them."""
+OPENED = {"solver.restitution": (0.0, 1.3)}
+"""Ranges opened to the unphysical, where they are not simply symmetric about 0."""
+UNDER = 0.5
+"""How far below 0 a number that is never negative may be opened; below -1 friction would feed a pile without bound in a single sweep."""
+SPAN = 10.0
+"""A slider of a number without limits reaches from 1/SPAN of its first value to SPAN times it."""
+
+
+@dataclass(frozen=True)
+class Knob:
+    """One number with a slider."""
+
+    key: str
+    label: str
+    group: str
+    unit: str
+    help: str
+    low: float
+    high: float
+    log: bool = False
+    wide: tuple[float, float] | None = None  # the range when it is opened to unphysical values
+
+    def span(self, opened: bool) -> tuple[float, float]:
+        """From where to where it goes."""
+        return self.wide if opened and self.wide else (self.low, self.high)
+
+    def share(self, value: float, opened: bool) -> float:
+        """Where `value` lies on the slider, 0 .. 1."""
+        low, high = self.span(opened)
+        if self.log:
+            share = math.log(max(value, 1e-30) / low) / math.log(high / low)
+        else:
+            share = (value - low) / (high - low)
+        return min(1.0, max(0.0, share))
+
+    def value(self, share: float, opened: bool) -> float:
+        """The value at this place of the slider, in three or four digits."""
+        low, high = self.span(opened)
+        share = min(1.0, max(0.0, share))
+        exact = low * (high / low) ** share if self.log else low + (high - low) * share
+        fine = abs(exact) if self.log else (high - low) / 10
+        return round(exact, 2 - math.floor(math.log10(fine))) if fine else exact
+
+    def physical(self, value: float) -> bool:
+        """Whether `value` lies within the declared range."""
+        return self.low <= value <= self.high
+
+
+def knobs_of(scene: Scene, home: Scene) -> list[Knob]:
+    """All knobs of a scene that started as `home`: those of its solver, gravity, time, and of the effects that are on."""
+    found = [_of_solver("tolerance", "accuracy", log=True), _of_solver("restitution", "world")]
+    for name in EXPERT[scene.solver.kind]:
+        value = getattr(home.solver, name)
+        if value and home.solver.kind == scene.solver.kind:
+            found.append(_of_solver(name, "world", value))
+    for axis, name in enumerate(("x", "y")):
+        found.append(Knob(f"gravity.{axis}", f"gravity {name}", "world", "m/s2", "acceleration of everything", -GRAVITY, GRAVITY))
+    found.append(Knob("time", "time scale", "world", "x", "simulated time to wall time", 0.05, 4.0, log=True))
+    for name in scene.effects:
+        found += _of_effect(name)
+    return found
+
+
+def _of_solver(name: str, group: str, value: float | None = None, log: bool = False) -> Knob:
+    """A key of [solver], with the limits that the schema gives it."""
+    info = Solver.model_fields[name]
+    limits = {type(limit).__name__: getattr(limit, type(limit).__name__.lower(), None) for limit in info.metadata}
+    low, high = limits.get("Ge", limits.get("Gt")), limits.get("Le")
+    if high is None:
+        low, high, log = value / SPAN, value * SPAN, True
+    unit = (info.json_schema_extra or {}).get("unit", "")
+    key = f"solver.{name}"
+    return Knob(key, name, group, unit, info.description or "", float(low), float(high), log, OPENED.get(key))
+
+
+def _of_effect(name: str) -> list[Knob]:
+    """The live numbers that an effect declares."""
+    found = []
+    for p in effects.module(name).PARAMETERS:
+        if not p.live or isinstance(p.default, bool | str) or p.default is None:
+            continue
+        low = p.low if p.low is not None else -SPAN * abs(p.default or 1.0)
+        high = p.high if p.high is not None and p.high <= SPAN * abs(p.default or 1.0) else max(1.0, 4 * abs(p.default))
+        wide = (-min(UNDER, high), high) if low == 0 else None
+        found.append(Knob(f"effects.{name}.{p.name}", f"{name} {p.name}", name, p.unit, p.help, low, high, wide=wide))
+    return found
+
+
+def read(scene: Scene, key: str) -> float:
+    """The value that `scene` has for a knob's key."""
+    head, _, rest = key.partition(".")
+    if head == "gravity":
+        return scene.gravity[int(rest)]
+    if head == "solver":
+        return getattr(scene.solver, rest)
+    name, _, parameter = rest.partition(".")
+    default = next(p.default for p in effects.module(name).PARAMETERS if p.name == parameter)
+    return scene.effects[name].get(parameter, default)
+
+
+def written(scene: Scene, key: str, value: float) -> Scene:
+    """`scene` with another value for a knob's key, which must be one that the scene may have."""
+    head, _, rest = key.partition(".")
+    if head == "gravity":
+        gravity = [*scene.gravity]
+        gravity[int(rest)] = value
+        return scene.model_copy(update={"gravity": tuple(gravity)})
+    if head == "solver":
+        return scene.model_copy(update={"solver": scene.solver.model_copy(update={rest: value})})
+    name, _, parameter = rest.partition(".")
+    return scene.model_copy(update={"effects": {**scene.effects, name: {**scene.effects[name], parameter: value}}})
+
+
+def overrides(scene: Scene, over: dict[str, float], numbers: dict[str, float]) -> dict[str, float]:
+    """Numbers of the kernels for values beyond the declared ranges, `over`, which no scene may have; `numbers` are those without."""
+    live = effects.live(effects.check(scene))
+    for key, value in over.items():
+        head, _, rest = key.partition(".")
+        if head == "effects":
+            live[rest.replace(".", "_")] = value
+        elif key == "solver.restitution":
+            live |= _bouncy(scene, value, numbers)
+    return live
+
+
+def _bouncy(scene: Scene, restitution: float, numbers: dict[str, float]) -> dict[str, float]:
+    """A restitution above 1: an impact gives energy. For md a dashpot that pushes: of a linear one e = exp(-π ζ / sqrt(1 - ζ²))."""
+    if "restitution" in numbers:
+        return {"restitution": restitution}
+    zeta = -math.log(restitution) / math.hypot(math.pi, math.log(restitution))
+    k_r: Any = numbers["stiffness"]
+    return {"damping": 2 * zeta * math.sqrt(k_r)}

@@ -1,0 +1,45 @@
+"""Real time: how many steps a frame takes, so that simulated time follows the wall clock where the machine can."""
+
+FRAME = 1 / 60
+"""Time of a frame [s]."""
+MOST_WALL = 0.05
+"""A frame never makes up for more wall time than this [s]: what is lost is lost, and simulated time slows down."""
+BUDGET = 0.024
+"""Wall time that simulating may take in a frame [s]; the picture keeps moving however slow the simulation is."""
+MEMORY = 0.1
+"""Share of the newest frame in running means."""
+
+
+class Pace:
+    """How fast it goes."""
+
+    def __init__(self) -> None:
+        self.cost = 0.0  # wall time of a step [s]
+        self.rest = 0.0  # steps that are due but not whole
+        self.factor = 0.0  # simulated time / wall time
+        self.frames = 60.0  # frames a second
+        self.stages: dict[str, float] = {}  # wall time of each stage in a frame [s]
+
+    def steps(self, wall: float, step: float, speed: float) -> int:
+        """Steps due after `wall` [s] since the last frame."""
+        due = min(wall, MOST_WALL) * speed / step + self.rest
+        most = max(1, int(BUDGET / self.cost)) if self.cost else max(1, round(FRAME * speed / step / 4))
+        count = min(int(due), most)
+        self.rest = min(due - count, 1.0)
+        return count
+
+    def spent(self, steps: int, seconds: float) -> None:
+        """`steps` took `seconds` of wall time."""
+        if steps:
+            each = seconds / steps
+            self.cost = each if not self.cost else self.cost + MEMORY * (each - self.cost)
+
+    def frame(self, wall: float, simulated: float) -> None:
+        """A frame that took `wall` [s] brought `simulated` [s]."""
+        wall = max(wall, 1e-6)
+        self.factor += MEMORY * (simulated / wall - self.factor)
+        self.frames += MEMORY * (1 / wall - self.frames)
+
+    def stage(self, name: str, seconds: float) -> None:
+        """Stage `name` of a frame took `seconds`."""
+        self.stages[name] = self.stages.get(name, seconds) + MEMORY * (seconds - self.stages.get(name, seconds))

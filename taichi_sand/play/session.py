@@ -1,0 +1,299 @@
+"""A simulation that is being played with.
+
+The only way in is `do(action)`: what a user does is a list of actions between launches. So it can be undone, recorded and done again.
+An action is a list [verb, arguments…] that JSON can hold.
+"""
+
+import base64
+import gc
+import hashlib
+import json
+import math
+from typing import Any
+
+import numpy as np
+
+from taichi_sand.play import knobs, transfer
+from taichi_sand.play.history import History
+from taichi_sand.play.snapshot import Snapshot, from_bytes, restore, take, to_bytes
+from taichi_sand.play.tools import TOOLS, Brush, Stroke
+from taichi_sand.scene.errors import SandError
+from taichi_sand.scene.schema import Scene
+from taichi_sand.simulation import Simulation
+from taichi_sand.world import device
+
+MOST_BUILT = 6
+"""Structures (solver, effects) that are kept ready; with more, all are dropped, as Taichi frees single ones never."""
+LOOKS = {"color": "kind", "chains": False, "velocities": False, "forces": False, "grid": False, "hud": True, "panel": True}
+"""What may be switched of how it looks, and how it starts."""
+
+
+class Session:
+    """A scene being played.
+
+    Args:
+        scene: what is played.
+        arch, threads: as for Simulation.
+    """
+
+    def __init__(self, scene: Scene, *, arch: str = "cpu", threads: int | None = None) -> None:
+        self.where = {"arch": arch, "threads": threads}
+        self.log: list[list] | None = None  # what was done since the last `take_log`, for recordings
+        self.compiled = 0  # how often something had to be compiled
+        self.open(scene)
+
+    def open(self, scene: Scene) -> None:
+        """Starts another scene, or the same anew; nothing before it can be undone."""
+        self.drop()
+        self.home = scene
+        self.message = ""
+        self.opened = False  # sliders reach unphysical values
+        self.over: dict[str, float] = {}  # values beyond the declared ranges
+        self.speed = 1.0
+        self.look = {**LOOKS, "color": scene.view.color, "chains": scene.view.force_chains, "cold": scene.view.cold, "hot": scene.view.hot}
+        self.history = History()
+        self.rng = np.random.default_rng(scene.seed)
+        self._knobs: tuple = (None, [])
+        self.room = 0
+        self.sim = self._ready(scene)
+        self.room = self.sim.room
+        self.brush = Brush.of(self.sim)
+        self.tool = "grab"
+        self.stroke: Stroke | None = None
+        self.start = self.moment()
+
+    def drop(self) -> None:
+        """Lets go of all simulations, and of Taichi's memory."""
+        self.built: dict[str, Simulation] = {}
+        self.sim = None
+        gc.collect()
+        if not device.alive:
+            device.forget()
+
+    def do(self, action: list) -> None:
+        """Does one action. What cannot be done leaves a sentence in `message`."""
+        if self.log is not None:
+            self.log.append(action)
+        self.message = ""
+        try:
+            VERBS[action[0]](self, *action[1:])
+        except SandError as error:
+            self.message = str(error)
+
+    def take_log(self) -> list[list]:
+        """What was done since the last call."""
+        done, self.log = self.log or [], []
+        return done
+
+    def advance(self, steps: int) -> None:
+        """Simulates on."""
+        self.sim.advance_steps(steps)
+
+    # moments
+
+    def moment(self) -> Snapshot:
+        """All of it at this moment."""
+        moment = take(self.sim, self.history.last())
+        moment.session = {"over": dict(self.over), "rng": self.rng.bit_generator.state}
+        return moment
+
+    def go_to(self, moment: Snapshot) -> None:
+        """Goes to a moment, bit for bit."""
+        self.sim = self._ready(moment.host["scene"])
+        restore(self.sim, moment)
+        self.over = dict(moment.session.get("over", {}))
+        if "rng" in moment.session:
+            self.rng.bit_generator.state = moment.session["rng"]
+        self.stroke = None
+
+    def digest(self) -> str:
+        """Hash of where all grains are and how they move, bit by bit."""
+        total = hashlib.sha256()
+        world = self.sim.world
+        count = world.count[None]
+        for name in ("id", "site", "offset", "shift", "twist", "angle", "turn", "mobility"):
+            total.update(np.ascontiguousarray(getattr(world.grains, name).to_numpy()[:count]).tobytes())
+        return total.hexdigest()[:16]
+
+    # structures
+
+    def _ready(self, scene: Scene) -> Simulation:
+        """A simulation of the structure that `scene` wants; its state is still to be set, unless it is new."""
+        key = transfer.structure(scene)
+        if key not in self.built:
+            if len(self.built) >= MOST_BUILT:
+                self.drop()
+            self.built[key] = Simulation(scene, **self.where, room=self.room, hand=True)
+            self.compiled += 1
+        return self.built[key]
+
+    def become(self, scene: Scene) -> None:
+        """Goes on with another solver or other effects, on the grains as they are."""
+        if len(self.built) >= MOST_BUILT and transfer.structure(scene) not in self.built:
+            now = self.moment()
+            self.drop()
+            self.go_to(now)
+        now, new = self.moment(), self._ready(scene)
+        if new is not self.sim:
+            transfer.hand_over(self.sim, new, now)
+            self.sim = new
+        self.retune(scene)
+
+    def retune(self, scene: Scene) -> None:
+        """Takes over the numbers of `scene`, and the unphysical ones."""
+        self.sim.retune(scene)
+        self.sim.set_numbers(knobs.overrides(scene, self.over, self.sim.numbers))
+
+    # values
+
+    def value(self, key: str) -> float:
+        """Value of a knob."""
+        if key == "time":
+            return self.speed
+        if key.startswith("tool."):
+            return getattr(self.brush, key[5:])
+        return self.over.get(key, knobs.read(self.sim.scene, key))
+
+    def unphysical(self) -> list[str]:
+        """What lies beyond its declared range, in words."""
+        return [f"{key.split('.', 1)[1]} = {value:g}" for key, value in self.over.items()]
+
+    def knobs(self) -> list[knobs.Knob]:
+        """Everything with a slider."""
+        key = (transfer.structure(self.sim.scene), id(self.sim))
+        if self._knobs[0] != key:
+            self._knobs = key, knobs.knobs_of(self.sim.scene, self.home) + self.brush.knobs(self.sim)
+        return self._knobs[1]
+
+
+def _set(session: Session, key: str, value: float) -> None:
+    knob = next((k for k in session.knobs() if k.key == key), None)
+    if knob is None:
+        raise SandError(f"there is nothing called {key} to be changed here")
+    low, high = knob.span(session.opened)
+    value = min(high, max(low, float(value)))
+    if key == "time":
+        session.speed = value
+    elif key.startswith("tool."):
+        setattr(session.brush, key[5:], value)
+    else:
+        session.over.pop(key, None)
+        if not knob.physical(value):
+            session.over[key] = value
+        scene = knobs.written(session.sim.scene, key, min(knob.high, max(knob.low, value)))
+        session.retune(scene)
+
+
+def _mark(session: Session) -> None:
+    session.history.keep(session.moment())
+
+
+def _undo(session: Session) -> None:
+    moment = session.history.back(session.moment()) if session.history.past else None
+    if moment is None:
+        raise SandError("there is nothing to undo")
+    session.go_to(moment)
+
+
+def _redo(session: Session) -> None:
+    moment = session.history.forth(session.moment()) if session.history.future else None
+    if moment is None:
+        raise SandError("there is nothing to do again")
+    session.go_to(moment)
+
+
+def _reset(session: Session) -> None:
+    _mark(session)
+    session.go_to(session.start)
+
+
+def _solver(session: Session, kind: str) -> None:
+    scene = session.sim.scene
+    if kind == scene.solver.kind:
+        return
+    _mark(session)
+    session.become(transfer.with_solver(scene, kind, session.home))
+
+
+def _effect(session: Session, name: str, on: bool) -> None:
+    from taichi_sand import effects
+
+    scene = session.sim.scene
+    tables = {key: value for key, value in scene.effects.items() if key != name}
+    if on:
+        tables[name] = session.home.effects.get(name, {})
+    new = scene.model_copy(update={"effects": tables})
+    effects.check(new)
+    _mark(session)
+    session.over = {key: value for key, value in session.over.items() if not key.startswith(f"effects.{name}.")}
+    session.become(new)
+
+
+def _look(session: Session, key: str, value: Any) -> None:
+    session.look[key] = value
+
+
+def _open_ranges(session: Session, on: bool) -> None:
+    session.opened = on
+    if not on and session.over:
+        _mark(session)
+        session.over = {}
+        session.retune(session.sim.scene)
+
+
+def _choose(session: Session, tool: str) -> None:
+    if session.stroke:
+        session.stroke.end()
+        session.stroke = None
+    session.tool = tool
+
+
+def _stroke(session: Session, phase: str, x: float, y: float, vx: float = 0.0, vy: float = 0.0, other: bool = False) -> None:
+    if phase == "press":
+        _mark(session)
+        tool = TOOLS[session.tool]
+        session.stroke = Stroke(session, TOOLS[tool.inverse] if other and tool.inverse else tool)
+    if session.stroke is None:
+        return
+    session.stroke.move(phase, x, y, vx, vy)
+    if phase == "release":
+        session.stroke.end()
+        session.stroke = None
+
+
+def _kind(session: Session, step: int) -> None:
+    session.brush.next_kind(session.sim, step)
+
+
+def _open(session: Session, scene: str) -> None:
+    session.open(Scene.from_json(scene))
+
+
+def _load(session: Session, data: str) -> None:
+    moment = from_bytes(base64.b64decode(data))
+    _mark(session)
+    session.go_to(moment)
+
+
+def pack(moment: Snapshot) -> str:
+    """A moment as text, for ["load", …]."""
+    return base64.b64encode(to_bytes(moment)).decode()
+
+
+VERBS = {
+    "set": _set, "mark": _mark, "undo": _undo, "redo": _redo, "reset": _reset, "solver": _solver, "effect": _effect, "look": _look,
+    "opened": _open_ranges, "choose": _choose, "stroke": _stroke, "kind": _kind, "open": _open, "load": _load,
+}  # fmt: skip
+
+
+def as_line(thing: Any) -> str:
+    """One line of JSON; null for a number that is none."""
+    return json.dumps(_finite(thing), separators=(",", ":"), allow_nan=False)
+
+
+def _finite(thing: Any) -> Any:
+    if isinstance(thing, dict):
+        return {key: _finite(value) for key, value in thing.items()}
+    if isinstance(thing, list | tuple):
+        return [_finite(value) for value in thing]
+    return None if isinstance(thing, float) and not math.isfinite(thing) else thing

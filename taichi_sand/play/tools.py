@@ -1,0 +1,288 @@
+"""The tools of the mouse: what a stroke with each of them does to the grains."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taichi_sand.play.knobs import Knob
+from taichi_sand.scene.errors import SandError
+from taichi_sand.scene.nearby import segments
+from taichi_sand.scene.scatter import Taken
+from taichi_sand.scene.shapes import disc_inertia, disc_mass
+from taichi_sand.simulation import Simulation
+from taichi_sand.world import census, hand
+
+if TYPE_CHECKING:
+    from taichi_sand.play.session import Session
+
+EARTH = 9.81
+"""Forces of the hand go with the gravity of the scene, or with this one [m/s2] where the scene has less."""
+GRAB_HZ, GRAB_DAMPING = 5.0, 0.7
+"""Frequency and damping ratio of a grain on the spring of the hand."""
+STIR_RATE, STILL_RATE = 400.0, 1.0
+"""How fast a stirred grain takes over the velocity of the hand, and how fast an attracted one is slowed down [1/s]."""
+PULL = 4.0
+"""Acceleration towards the hand of `attract`, over gravity."""
+DARTS, POURED = 120, 4
+"""Places tried a frame by `create` and `pour`."""
+POUR_SPEED = 0.5
+DENSITY = 2650.0
+
+
+@dataclass
+class Brush:
+    """What the tools work with; the numbers have sliders."""
+
+    size: float  # radius of the brush [m]
+    low: float  # smallest and largest radius of a grain made [d / 2]
+    high: float
+    spin: float  # largest spin of a grain made, either way [rad/s]
+    strength: float  # of stir, attract and repel
+    grip: float  # largest force of grab, in weights of the grain
+    kind: int = 0  # which [[grains]] table the grains made belong to
+
+    @classmethod
+    def of(cls, sim: Simulation) -> "Brush":
+        """What suits a simulation."""
+        brush = cls(max(2.5 * sim.bed.diameter, 0.03 * min(sim.scene.size)), 1.0, 1.0, 0.0, 1.0, 100.0)
+        free = [number for number, table in enumerate(sim.scene.grains) if not table.fixed]
+        brush.next_kind(sim, free[0] if free else 0)
+        return brush
+
+    def next_kind(self, sim: Simulation, step: int) -> None:
+        """Makes grains as those of the next table, in its sizes."""
+        tables = sim.scene.grains
+        self.kind = (self.kind + step) % max(1, len(tables))
+        radii = _radii(sim)
+        if tables and tables[self.kind].radius:
+            radii = tables[self.kind].radius
+        elif tables and tables[self.kind].positions:
+            own = [row[2] for row in tables[self.kind].positions if len(row) > 2]
+            radii = (min(own), max(own)) if own else radii
+        unit, (_, most) = 0.5 * sim.bed.diameter, _limits(sim)
+        self.low, self.high = (min(most, radius / unit) for radius in radii)
+
+    def knobs(self, sim: Simulation) -> list[Knob]:
+        """Their sliders."""
+        side = min(sim.scene.size)
+        least, most = _limits(sim)
+        small = 0.5 * sim.bed.diameter
+        return [
+            Knob("tool.size", "brush", "tools", "m", "radius of the brush; the wheel changes it", 0.5 * small, 0.5 * side, log=True),
+            Knob("tool.low", "smallest", "tools", "d", "smallest grain that create and pour make, over the mean diameter", least, most),
+            Knob("tool.high", "largest", "tools", "d", "largest grain that they make", least, most),
+            Knob("tool.spin", "spin", "tools", "rad/s", "grains are made with a random spin up to this, either way", 0.0, 100.0),
+            Knob("tool.strength", "strength", "tools", "x", "of stir, attract and repel", 0.1, 10.0, log=True),
+            Knob("tool.grip", "grip", "tools", "weights", "largest force of grab, in weights of the grain", 1.0, 1000.0, log=True),
+        ]
+
+    def masses(self, sim: Simulation, radius: np.ndarray, kind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mass [kg] and inertia [kg m2] of grains with these radii [m], of these kinds."""
+        densities = np.array([table.density for table in sim.scene.grains] or [DENSITY])[kind]
+        return disc_mass(radius, densities), disc_inertia(radius, densities)
+
+
+def _radii(sim: Simulation) -> tuple[float, float]:
+    """Smallest and largest radius there is [m]."""
+    places, _ = census.places(sim.world)
+    radius = places[:, 2]
+    return (float(radius.min()), float(radius.max())) if len(radius) else (0.5 * sim.bed.diameter,) * 2
+
+
+def _limits(sim: Simulation) -> tuple[float, float]:
+    """Diameters of the smallest and largest grain that the world has tables for, over the mean one."""
+    largest = float(sim.world.box[None].largest)
+    return 0.3 * min(1.0, largest / sim.bed.diameter), largest / sim.bed.diameter
+
+
+class Stroke:
+    """One stroke of a tool, from press to release."""
+
+    def __init__(self, session: "Session", tool: "Tool") -> None:
+        self.session, self.tool = session, tool
+        self.x = self.y = 0.0
+        self.vx = self.vy = 0.0
+        self.phase = "press"
+
+    def move(self, phase: str, x: float, y: float, vx: float, vy: float) -> None:
+        """The hand is at (x, y) [m] and moves [m/s]; once a frame, even if it stands still."""
+        self.phase, self.x, self.y, self.vx, self.vy = phase, x, y, vx, vy
+        self.tool.work(self)
+
+    def end(self) -> None:
+        """The button was let go, or another tool chosen."""
+        self.hand(work=hand.IDLE)
+
+    @property
+    def sim(self) -> Simulation:
+        """What it acts on."""
+        return self.session.sim
+
+    @property
+    def place(self) -> np.ndarray:
+        """Where the hand is [m]."""
+        return np.array([self.x, self.y])
+
+    def hand(self, **values: Any) -> None:
+        """What the kernels see of the hand."""
+        now = self.sim.hand.now
+        if values.get("work") == hand.IDLE:
+            now[None].work = hand.IDLE
+            return
+        now[None] = {**hand.REST, "place": (self.x, self.y), "velocity": (self.vx, self.vy), **values}
+
+    def under(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Slots under the brush; and of all grains x, y, radius, and id, kind, whether fixed."""
+        places, whole = census.places(self.sim.world)
+        near = np.hypot(*(places[:, :2] - self.place).T) < self.session.brush.size
+        return np.flatnonzero(near), places, whole
+
+
+def create(stroke: Stroke) -> None:
+    """Fills the brush with grains, wherever there is room for one."""
+    _add(stroke, DARTS, stroke.session.brush.size, (0.0, 0.0))
+
+
+def pour(stroke: Stroke) -> None:
+    """A jet of grains, straight down or along gravity."""
+    gravity = np.array(stroke.sim.scene.gravity, float)
+    size = np.hypot(*gravity)
+    way = gravity / size if size > 0 else np.array([0.0, -1.0])
+    _add(stroke, POURED, min(stroke.session.brush.size, 4 * stroke.sim.bed.diameter), POUR_SPEED * way)
+
+
+def _add(stroke: Stroke, darts: int, reach: float, velocity: Any) -> None:
+    """New grains in a circle around the hand where nothing is in their way."""
+    session, sim = stroke.session, stroke.sim
+    room = census.room(sim.world)
+    if room <= 0:
+        raise SandError(f"there is no room for more than {sim.count} grains in this window; destroy some first")
+    brush, rng = session.brush, session.rng
+    sizes = np.sort([brush.low, brush.high]) * 0.5 * sim.bed.diameter
+    radius = rng.uniform(*sizes, darts)
+    distance, angle = reach * np.sqrt(rng.uniform(0, 1, darts)), rng.uniform(-math.pi, math.pi, darts)
+    position = stroke.place + np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=1)
+    turned, spin = rng.uniform(-math.pi, math.pi, darts), rng.uniform(-1, 1, darts) * brush.spin
+    fits = np.flatnonzero(_clear(sim, position, radius, stroke.place, reach))[:room]
+    if len(fits):
+        kind = np.full(len(fits), brush.kind)
+        mass, inertia = brush.masses(sim, radius[fits], kind)
+        new = {"position": position[fits], "velocity": np.tile(velocity, (len(fits), 1)), "angle": turned[fits], "spin": spin[fits]}
+        census.add(sim.world, {**new, "radius": radius[fits], "mass": mass, "inertia": inertia, "kind": kind}, sim.made)
+        sim.made += len(fits)
+        sim.renew()
+
+
+def _clear(sim: Simulation, position: np.ndarray, radius: np.ndarray, centre: np.ndarray, reach: float) -> np.ndarray:
+    """Which discs touch neither walls, edges, grains, nor an earlier one of these that is clear."""
+    size = np.array(sim.scene.size)
+    clear = ((position > radius[:, None]) & (position < size - radius[:, None])).all(axis=1)
+    places, _ = census.places(sim.world)
+    near = np.hypot(*(places[:, :2] - centre).T) < reach + places[:, 2] + radius.max()
+    corners = [np.array(wall.points + (wall.points[:1] if wall.closed else ())) for wall in sim.scene.walls]
+    clear &= Taken(segments(corners), places[near, :2], places[near, 2]).free(position, radius)
+    apart = np.hypot(*(position[:, None] - position[None]).transpose(2, 0, 1)) - radius[:, None] - radius[None]
+    for k in np.flatnonzero(clear):
+        clear[k] = not (clear[:k] & (apart[k, :k] < 0)).any()
+    return clear
+
+
+def destroy(stroke: Stroke) -> None:
+    """Takes out what is under the brush."""
+    slots, _, _ = stroke.under()
+    if len(slots):
+        census.remove(stroke.sim.world, slots)
+        stroke.sim.removed += len(slots)
+        stroke.sim.renew()
+
+
+def grab(stroke: Stroke) -> None:
+    """Holds the grain under the hand by a spring; let go while moving, it flies."""
+    if stroke.phase == "press":
+        places, whole = census.places(stroke.sim.world)
+        if not len(places):
+            raise SandError("there is no grain to grab")
+        gap = np.hypot(*(places[:, :2] - stroke.place).T) - places[:, 2]
+        slot = int(np.argmin(gap + 1e9 * whole[:, 2]))
+        if whole[slot, 2] or gap[slot] > stroke.session.brush.size:
+            raise SandError("there is no grain under the hand that is free to move")
+        mass, _ = stroke.session.brush.masses(stroke.sim, places[slot : slot + 1, 2], whole[slot : slot + 1, 1])
+        weight = float(mass[0]) * max(EARTH, math.hypot(*stroke.sim.scene.gravity))
+        omega = 2 * math.pi * GRAB_HZ
+        spring = {"rate": omega**2, "drag": 2 * GRAB_DAMPING * omega, "limit": stroke.session.brush.grip * weight}
+        stroke.hand(work=hand.GRAB, grain=int(whole[slot, 0]), **spring)
+    else:
+        now = stroke.sim.hand.now
+        now[None].place, now[None].velocity = (stroke.x, stroke.y), (stroke.vx, stroke.vy)
+
+
+def stir(stroke: Stroke) -> None:
+    """Drags along what is under the brush."""
+    brush = stroke.session.brush
+    stroke.hand(work=hand.STIR, reach=brush.size, drag=STIR_RATE * brush.strength)
+
+
+def attract(stroke: Stroke) -> None:
+    """Pulls grains towards the hand from four brushes away."""
+    _pull(stroke, 1.0)
+
+
+def repel(stroke: Stroke) -> None:
+    """Pushes grains off the hand."""
+    _pull(stroke, -1.0)
+
+
+def _pull(stroke: Stroke, sign: float) -> None:
+    brush = stroke.session.brush
+    size = PULL * brush.strength * max(EARTH, math.hypot(*stroke.sim.scene.gravity))
+    stroke.hand(work=hand.ATTRACT, reach=4 * brush.size, rate=sign * size, drag=STILL_RATE)
+
+
+def freeze(stroke: Stroke) -> None:
+    """Holds what is under the brush in its place."""
+    _hold(stroke, True)
+
+
+def thaw(stroke: Stroke) -> None:
+    """Lets go of what is held under the brush, fixed grains of the scene too."""
+    _hold(stroke, False)
+
+
+def _hold(stroke: Stroke, on: bool) -> None:
+    slots, places, whole = stroke.under()
+    slots = slots[(whole[slots, 2] == 0) == on]
+    if len(slots):
+        mass, inertia = stroke.session.brush.masses(stroke.sim, places[slots, 2], whole[slots, 1])
+        free = np.zeros((len(slots), 2)) if on else np.stack([1 / mass, 1 / inertia], axis=1)
+        census.hold(stroke.sim.world, slots, free)
+        stroke.sim.renew()
+
+
+@dataclass(frozen=True)
+class Tool:
+    """What the mouse does."""
+
+    name: str
+    key: str
+    help: str
+    work: Callable[[Stroke], None]
+    inverse: str = ""  # what the right button does instead
+
+
+TOOLS = {
+    tool.name: tool
+    for tool in (
+        Tool("grab", "1", "hold the grain under the cursor by a spring, drag it, throw it", grab),
+        Tool("create", "2", "fill the brush with grains, never inside others (right button: destroy)", create, "destroy"),
+        Tool("destroy", "3", "take out the grains under the brush (right button: create)", destroy, "create"),
+        Tool("pour", "4", "pour grains while the button is held (right button: destroy)", pour, "destroy"),
+        Tool("stir", "5", "drag along what is under the brush", stir),
+        Tool("attract", "6", "pull grains towards the cursor (right button: repel)", attract, "repel"),
+        Tool("repel", "7", "push grains away from the cursor (right button: attract)", repel, "attract"),
+        Tool("freeze", "8", "hold the grains under the brush in place (right button: thaw)", freeze, "thaw"),
+        Tool("thaw", "9", "let held grains go (right button: freeze)", thaw, "freeze"),
+    )
+}

@@ -1,0 +1,65 @@
+"""From one structure to another: the same grains under another solver, or with other effects."""
+
+import json
+
+import numpy as np
+
+from taichi_sand import effects
+from taichi_sand.play.snapshot import Snapshot, tables_of
+from taichi_sand.scene.checks import foreign
+from taichi_sand.scene.schema import Scene
+from taichi_sand.simulation import Simulation
+from taichi_sand.solvers import choose
+from taichi_sand.world.checkpoint import read_field
+
+AFRESH = ("pace", "wrench")
+"""Tables that do not go over as they are."""
+
+
+def structure(scene: Scene) -> str:
+    """What of a scene is compiled into its kernels, as a key."""
+    solver = scene.solver
+    fixed = {
+        name: {p.name: table[p.name] for p in effects.module(name).PARAMETERS if not p.live} for name, table in effects.check(scene).items()
+    }
+    return json.dumps([solver.kind, solver.law, solver.integrator, solver.k_d is None, solver.precision, fixed])
+
+
+def with_solver(scene: Scene, kind: str, home: Scene) -> Scene:
+    """`scene` for the other solver: with the expert keys of `home` if it is the one that it was written for, else without any."""
+    expert = {name: getattr(home.solver, name) for name in home.solver.model_fields_set} if home.solver.kind == kind else {}
+    kept = {"tolerance": scene.solver.tolerance, "restitution": scene.solver.restitution, "precision": scene.solver.precision}
+    solver = type(scene.solver)(**{name: value for name, value in expert.items() if name not in foreign(kind)} | kept | {"kind": kind})
+    return scene.model_copy(update={"solver": solver})
+
+
+def columns_of(sim: Simulation) -> list[str]:
+    """Name of every column of the pair table that follows a pair, in their order."""
+    kind = sim.scene.solver.kind
+    names = ["force"] + [f"{kind} {k}" for k in range(choose(kind).MEMORY)]
+    for name, values in sim.effects.items():
+        names += [f"{kind} {name} {k}" for k in range(effects.columns(name, values, kind))]
+    return names
+
+
+def hand_over(old: Simulation, new: Simulation, moment: Snapshot) -> None:
+    """Gives `new` the grains, walls and pairs of `old`, whose moment this is; pairs keep their force, and what both solvers know."""
+    kept = dict(zip(columns_of(old), old.world.pairs.memory, strict=True))
+    for name, column in zip(columns_of(new), new.world.pairs.memory, strict=True):
+        column.from_numpy(kept[name].to_numpy() if name in kept else np.zeros_like(column.to_numpy()))
+    targets = tables_of(new)
+    for name, table in tables_of(old).items():
+        part = name.split(".")
+        if name.startswith(".0.") and part[2] not in AFRESH and part[-1] not in AFRESH and part[3:4] != ["memory"]:
+            copy(table, targets[name])
+    pace = read_field(old.world.pace)
+    new.world.pace.from_numpy({key[1:]: value for key, value in pace.items()})
+    new.world.grains.wrench.fill(0.0)
+    for key in ("steps", "made", "removed", "epoch", "bed", "numbers"):
+        setattr(new, key, moment.host[key])
+
+
+def copy(source: object, target: object) -> None:
+    """The values of one field into another of the same shape."""
+    parts = read_field(source)
+    target.from_numpy(parts[""] if "" in parts else {key[1:]: value for key, value in parts.items()})

@@ -1,0 +1,193 @@
+"""The window: shows a session in real time until it is closed."""
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import taichi as ti
+
+from taichi_sand.play import hud
+from taichi_sand.play.controls import Controls
+from taichi_sand.play.files import Film
+from taichi_sand.play.pace import FRAME, Pace
+from taichi_sand.play.screen import Screen, picture_width
+from taichi_sand.play.session import Session, as_line
+from taichi_sand.scene.errors import SandError
+from taichi_sand.scene.schema import Scene
+
+MEASURE = 0.25
+"""Time between two measurements [s]."""
+IDLE = 0.03
+"""A paused window looks for input so often [s]."""
+NO_DISPLAY = "there is no display to open a window on; `taichi-sand render` makes films without one"
+LISTENER = Callable[[list, int, float], None]
+
+
+class Window:
+    """A session on the screen.
+
+    Args:
+        session: what is shown.
+        name: of the scene; files are called after it.
+        folder: where files are written.
+        width: of the picture [px]; None = one that fits a screen.
+        report: a file that gets a line of JSON a few times a second: what the window shows.
+
+    Raises:
+        SandError: there is no display.
+    """
+
+    def __init__(self, session: Session, name: str, *, folder: Path, width: int | None = None, report: Path | None = None) -> None:
+        self.session, self.name, self.folder, self.width = session, name, folder, width
+        self.report = report.open("w", encoding="utf-8") if report else None
+        self.listener: LISTENER | None = None  # gets every frame's actions, steps, and wall time
+        self.running, self.stale, self.unmeasured = True, True, True
+        self.seen_at = (0.0, 0.0)
+        self.film: Film | None = None
+        self.measured: dict[str, Any] = {}
+        self.frame_time = FRAME
+        self.gui: Any = None
+        self.open()
+        self.controls = Controls(self)
+
+    def open(self) -> None:
+        """Opens the window in the size that suits the scene."""
+        self.screen = Screen(self.session, picture_width(self.session, self.width))
+        self.pace = Pace()
+        self.measured, self.measured_at = {}, 0.0
+        self.gui = None
+        try:
+            self.gui = ti.GUI(f"taichi_sand: {self.session.sim.scene.title or self.name}", self.screen.size, fast_gui=True)
+        except RuntimeError:
+            raise SandError(NO_DISPLAY) from None
+        self.gui.fps_limit = None
+        self.canvas = self.gui.img
+
+    def wait(self, text: str) -> None:
+        """Says that something takes a while."""
+        if text:
+            self.screen.message(self.canvas, text)
+            self.gui.core.update()
+
+    def run(self) -> None:
+        """Until the window is closed."""
+        last = time.perf_counter()
+        while self.running and self.gui.running:
+            now = time.perf_counter()
+            self.frame_time, last = now - last, now
+            self.frame()
+            if self.controls.paused and not self.stale:
+                time.sleep(IDLE)
+            else:
+                time.sleep(max(0.0, FRAME - (time.perf_counter() - now)))
+        if self.film:
+            self.film.close()
+        if self.report:
+            self.report.close()
+        self.gui.close()
+
+    def frame(self) -> None:
+        """One frame: input, simulation, picture."""
+        controls, session = self.controls, self.session
+        changed = self._input()
+        steps = controls.due if controls.paused else self.pace.steps(self.frame_time, session.sim.step, session.speed)
+        controls.due = 0
+        before, start = session.sim.time, time.perf_counter()
+        session.advance(steps)
+        spent = time.perf_counter() - start
+        self.pace.spent(steps, spent)
+        self.pace.stage("simulate", spent)
+        if not controls.paused:
+            self.pace.frame(self.frame_time, session.sim.time - before)
+        if self.listener:
+            self.listener(session.take_log(), steps, start)
+        late = self.unmeasured and time.perf_counter() - self.measured_at >= MEASURE
+        if steps or changed or self.stale or late:
+            self._show()
+        else:
+            self.gui.core.update()
+
+    def _input(self) -> bool:
+        """Answers to the mouse and the keys; whether there was anything."""
+        width, height = self.screen.size
+        busy = False
+        for event in list(self.gui.get_events()):
+            busy = True
+            self.controls.handle(event, event.pos[0] * width, (1 - event.pos[1]) * height)
+            width, height = self.screen.size
+        x, y = self._cursor()
+        busy |= (x, y) != self.seen_at
+        self.seen_at = (x, y)
+        self.controls.held(x, y)
+        return busy or self.session.stroke is not None or self.film is not None
+
+    def _cursor(self) -> tuple[float, float]:
+        """The pixel under the mouse, y down."""
+        x, y = self.gui.get_cursor_pos()
+        return x * self.screen.size[0], (1 - y) * self.screen.size[1]
+
+    def _show(self) -> None:
+        """Measures if it is time to, paints, shows."""
+        now = time.perf_counter()
+        due = now - self.measured_at >= MEASURE
+        self.unmeasured = not due
+        if due:
+            self._measure(now)
+        if due or self.stale:
+            self.screen.paint_panel(self.canvas, self.measured)
+            self.pace.stage("panel", time.perf_counter() - now)
+        self.stale = False
+        x, y = self._cursor()
+        inside = 0 <= x < self.screen.picture[0] and self.screen.top <= y < self.screen.top + self.screen.picture[1]
+        told = self.session.message or self.controls.told
+        picture = self.screen.paint(self.canvas, self.measured, self.screen.place(x, y) if inside else None, told)
+        shown = time.perf_counter()
+        self.gui.core.update()
+        for name, seconds in {**self.screen.stages, "show": time.perf_counter() - shown}.items():
+            self.pace.stage(name, seconds)
+        if self.film and self.film.due:
+            self.film.frame(self.screen.painter.rgb(picture))
+
+    def _measure(self, now: float) -> None:
+        """What the panel and the numbers over the picture say."""
+        session, pace = self.session, self.pace
+        self.measured = hud.measure(session, self.measured)
+        self.pace.stage("measure", time.perf_counter() - now)
+        self.measured_at = now
+        self.measured |= {"frames": pace.frames, "real_time": pace.factor, "paused": self.controls.paused}
+        self.measured |= {"cost": pace.cost / session.sim.step, "stages": dict(pace.stages)}
+        self.measured["given"] = session.sim.hand.now[None].given.to_list()
+        if self.report:
+            values = {knob.key: session.value(knob.key) for knob in session.knobs()}
+            state = {"tool": session.tool, "look": session.look, "solver": session.sim.scene.solver.kind, "values": values}
+            state |= {
+                "effects": list(session.sim.effects),
+                "unphysical": session.unphysical(),
+                "said": session.message or self.controls.told,
+            }
+            state |= {"undo": len(session.history.past), "compiled": compiled(), "window": self.screen.size, "scene": self.name}
+            state |= {"help": self.screen.help, "hash": session.digest()}
+            state |= {"controls": self.screen.panel.places(), "picture": [0, self.screen.top, *self.screen.picture]}
+            self.report.write(as_line({**self.measured, **state}) + "\n")
+            self.report.flush()
+
+
+def compiled() -> int:
+    """Kernels compiled since Taichi was started."""
+    return ti.lang.impl.get_runtime().get_num_compiled_functions()
+
+
+def check_display() -> None:
+    """SandError where X11 is what windows are opened by, and there is none: before anything is compiled."""
+    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+        raise SandError(NO_DISPLAY)
+
+
+def play(scene: Scene, name: str, *, folder: Path, width: int | None, report: Path | None, arch: str, threads: int | None) -> None:
+    """Plays a scene in a window until that is closed. Arguments as for Window and Session."""
+    check_display()
+    folder.mkdir(parents=True, exist_ok=True)
+    Window(Session(scene, arch=arch, threads=threads), name, folder=folder, width=width, report=report).run()

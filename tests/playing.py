@@ -1,0 +1,166 @@
+"""Drives the real window: Xvfb for a display, xdotool for mouse and keys, the window's own report for what came of it."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Self
+
+import pytest
+
+import taichi_sand as sand
+
+NEEDED = ("Xvfb", "xdotool")
+PATIENCE = 20.0
+CLOSE = """
+import ctypes, sys
+class Message(ctypes.Structure):
+    _fields_ = [("type", ctypes.c_int), ("serial", ctypes.c_ulong), ("send", ctypes.c_int), ("display", ctypes.c_void_p),
+                ("window", ctypes.c_ulong), ("kind", ctypes.c_ulong), ("format", ctypes.c_int), ("data", ctypes.c_long * 5),
+                ("room", ctypes.c_long * 24)]
+x = ctypes.CDLL("libX11.so.6")
+x.XOpenDisplay.restype = ctypes.c_void_p
+x.XInternAtom.restype, x.XInternAtom.argtypes = ctypes.c_ulong, [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int]
+x.XSendEvent.argtypes = [ctypes.c_void_p, ctypes.c_ulong, ctypes.c_int, ctypes.c_long, ctypes.c_void_p]
+x.XSync.argtypes = [ctypes.c_void_p, ctypes.c_int]
+display, window = x.XOpenDisplay(None), int(sys.argv[1])
+kind, close = (x.XInternAtom(display, name, 0) for name in (b"WM_PROTOCOLS", b"WM_DELETE_WINDOW"))
+message = Message(33, 0, 1, display, window, kind, 32, (ctypes.c_long * 5)(close, 0))
+x.XSendEvent(display, window, 0, 0, ctypes.byref(message))
+x.XSync(display, 0)
+"""
+"""What a window manager sends when the close button is pressed."""
+
+
+def need_a_display() -> None:
+    """Where the tools are missing, CI fails and others skip."""
+    missing = [name for name in NEEDED if not shutil.which(name)]
+    if missing:
+        text = f"{' and '.join(missing)} must be installed to drive the window"
+        if os.environ.get("CI") == "true":
+            pytest.fail(text)
+        pytest.skip(text)
+
+
+class Playing:
+    """`taichi-sand play` in a process and on a display of its own."""
+
+    def __init__(self, folder: Path, *arguments: str, threads: int = 1) -> None:
+        need_a_display()
+        self.folder, self.file = folder, folder / "report.jsonl"
+        self.server = subprocess.Popen(
+            ["Xvfb", "-displayfd", "1", "-screen", "0", "1600x1000x24", "-nolisten", "tcp"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )
+        number = self.server.stdout.readline().decode().strip()
+        paths = {"PYTHONPATH": str(Path(sand.__file__).parents[1]), "TI_CFG_OPTIMIZATION": "0"}
+        self.environment = {**os.environ, **paths, "DISPLAY": f":{number}"}
+        command = [sys.executable, "-m", "taichi_sand", "play", *arguments, "--report", str(self.file), "--folder", str(folder)]
+        self.process = subprocess.Popen(
+            [*command, "--threads", str(threads)], env=self.environment, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        self.now: dict[str, Any] = {}
+        try:
+            self.until(lambda now: now["grains"] >= 0, 120)
+            self.window = self.tool("search", "--sync", "--name", "^taichi_sand").split()[0]
+            self.to(0.5, 0.5)  # keys go to the window under the mouse
+        except BaseException:
+            self.__exit__()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait()
+        self.server.terminate()
+        self.server.wait()
+
+    def tool(self, *words: object) -> str:
+        """xdotool."""
+        return subprocess.run(
+            ["xdotool", *map(str, words)], env=self.environment, check=True, capture_output=True, text=True, timeout=30
+        ).stdout
+
+    def read(self) -> dict[str, Any]:
+        """The newest line of the report."""
+        if self.file.exists():
+            lines = self.file.read_text().split("\n")
+            if len(lines) > 1:
+                self.now = json.loads(lines[-2])
+        return self.now
+
+    def until(self, holds: Callable[[dict[str, Any]], Any], patience: float = PATIENCE) -> dict[str, Any]:
+        """Waits for the report to say what is asked for."""
+        end = time.monotonic() + patience
+        while time.monotonic() < end:
+            now = self.read()
+            if now and holds(now):
+                return now
+            if self.process.poll() is not None:
+                raise AssertionError(f"the window closed with {self.process.returncode}: {self.process.stderr.read()}")
+            time.sleep(0.02)
+        raise AssertionError(
+            f"the window never came to what was asked for; it says { ({k: v for k, v in self.now.items() if k != 'controls'}) }"
+        )
+
+    def fresh(self) -> dict[str, Any]:
+        """A line of the report that was written after this call; the mouse is moved a little, so that a paused window writes one."""
+        size = self.file.stat().st_size
+        self.tool("mousemove_relative", "--", 1, 0, "mousemove_relative", "--", -1, 0)
+        return self.until(lambda _: self.file.stat().st_size > size)
+
+    def key(self, *names: str) -> None:
+        """Presses keys, as xdotool calls them."""
+        for name in names:
+            self.tool("key", name)
+            time.sleep(0.04)
+
+    def to(self, x: float, y: float) -> None:
+        """Moves the mouse to a point of the picture, in parts of its width and height, y up."""
+        left, top, width, height = self.now["picture"]
+        self.tool("mousemove", "--window", self.window, round(left + x * width), round(top + (1 - y) * height))
+        time.sleep(0.06)
+
+    def press(self, button: int = 1) -> None:
+        """Presses a mouse button."""
+        self.tool("mousedown", button)
+        time.sleep(0.06)
+
+    def release(self, button: int = 1) -> None:
+        """Lets it go."""
+        self.tool("mouseup", button)
+        time.sleep(0.06)
+
+    def stroke(self, *points: tuple[float, float], button: int = 1) -> None:
+        """A stroke through points of the picture."""
+        self.to(*points[0])
+        self.press(button)
+        for point in points[1:]:
+            self.to(*point)
+        self.release(button)
+
+    def click(self, control: str, share: float = 0.5, drag_to: float | None = None) -> None:
+        """Clicks on a control of the panel, at this part of its width; or drags from there."""
+        left, top, width, height = self.now["controls"][control]
+        self.tool("mousemove", "--window", self.window, round(left + share * width), round(top + 0.5 * height))
+        time.sleep(0.06)
+        self.press()
+        if drag_to is not None:
+            for part in (0.3, 0.7, 1.0):
+                x = share + part * (drag_to - share)
+                self.tool("mousemove", "--window", self.window, round(left + x * width), round(top + 0.5 * height))
+                time.sleep(0.06)
+        self.release()
+
+    def close(self) -> int:
+        """Closes the window as its close button does; the exit status."""
+        subprocess.run([sys.executable, "-c", CLOSE, self.window], env=self.environment, check=True, timeout=30)
+        return self.process.wait(PATIENCE)

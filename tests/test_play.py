@@ -1,0 +1,296 @@
+"""The window, driven as by a user: real keys, real mouse, and what its report and the files it writes say."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from playing import Playing
+
+import taichi_sand as sand
+from taichi_sand.play.keys import KEYS
+
+SCENE = """
+title = "Box"
+size = [0.3, 0.3]
+seed = 5
+[[grains]]
+radius = 0.006
+fill = "lattice"
+region = [0.0, 0.0, 0.3, 0.09]
+[[grains]]
+positions = [[0.15, 0.2, 0.006]]
+fixed = true
+[effects.friction]
+[view]
+width = 400
+"""
+LATTICE, FIXED = 175, (0.5, 0.2 / 0.3)
+D = 0.012
+
+
+@pytest.fixture(scope="module")
+def box(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Playing]:
+    """A box of discs at rest, and one held in the air."""
+    folder = tmp_path_factory.mktemp("box")
+    (folder / "box.toml").write_text(SCENE)
+    with Playing(folder, str(folder / "box.toml"), "--width", "400") as window:
+        yield window
+
+
+def saved(window: Playing) -> dict[str, np.ndarray]:
+    """Grains of a quick save, by id: the file alone is read."""
+    path = window.folder / "box.npz"
+    path.unlink(missing_ok=True)
+    window.key("s")
+    window.until(lambda now: now["said"].startswith("saved") and path.exists())
+    with np.load(path) as file:
+        count = int(file[".0.count"])
+        table = {name: file[f".0.grains.{name}"][:count] for name in ("id", "site", "offset", "shift", "twist", "radius", "mobility")}
+        spacing = file[".0.box:spacing"]
+    order = np.argsort(table["id"])
+    table = {name: values[order] for name, values in table.items()}
+    table["position"] = (table["site"] + 0.5) * spacing + table["offset"] + table["shift"]
+    return table
+
+
+def paused(window: Playing, on: bool = True) -> dict:
+    """Makes sure that time stands still, or goes on."""
+    if window.fresh()["paused"] != on:
+        window.key("space")
+    return window.until(lambda now: now["paused"] == on)
+
+
+def test_it_runs_in_real_time_and_stops_and_steps(box: Playing) -> None:
+    first = box.until(lambda now: now["time"] > 0.5)
+    assert first["scene"] == "box" and first["grains"] == LATTICE + 1 and not first["flags"]
+    assert first["window"][0] == 400 + 264
+    now = box.until(lambda now: now["real_time"] > 0.9)
+    assert now["frames"] > 30
+    now = paused(box)
+    assert box.fresh()["time"] == now["time"]
+    box.key("period")
+    step = box.until(lambda later: later["time"] > now["time"])["time"] - now["time"]
+    assert 0 < step <= 1 / 240
+    box.key("comma")
+    frame = box.until(lambda later: later["time"] > now["time"] + 2 * step)["time"] - now["time"] - step
+    assert frame == pytest.approx(1 / 60, abs=step)
+
+
+def test_time_can_run_slower_and_faster(box: Playing) -> None:
+    paused(box, False)
+    box.key("minus", "minus")
+    now = box.until(lambda now: now["values"]["time"] == 0.25 and abs(now["real_time"] - 0.25) < 0.05)
+    box.key("equal", "equal")
+    box.until(lambda now: now["values"]["time"] == 1.0 and now["real_time"] > 0.8)
+    assert not now["flags"]
+
+
+@pytest.mark.parametrize("key", [key for key in KEYS if key.group == "views"], ids=lambda key: key.key)
+def test_every_view_key_changes_what_is_shown(box: Playing, key: object) -> None:
+    paused(box)
+    before = box.fresh()
+    box.key(key.key)
+    after = box.until(lambda now: (now["look"], now["help"]) != (before["look"], before["help"]))
+    changed = [name for name, value in after["look"].items() if value != before["look"][name]] + ["help"] * after["help"]
+    assert changed == [{"v": "color", "h": "help"}.get(key.key, key.arguments[0] if key.arguments else "")]
+    if key.key != "v":
+        box.key(key.key)
+        box.until(lambda now: (now["look"], now["help"]) == (before["look"], before["help"]))
+
+
+@pytest.mark.parametrize(
+    ("tool", "key", "points", "more"),
+    [
+        ("create", "2", [(0.2, 0.8), (0.3, 0.85)], True),
+        ("destroy", "3", [(0.5, 0.1), (0.6, 0.1)], False),
+        ("pour", "4", [(0.8, 0.8), (0.82, 0.8)], True),
+    ],
+)
+def test_tools_that_make_and_take_grains_and_their_undoing(box: Playing, tool: str, key: str, points: list, more: bool) -> None:
+    before = paused(box)
+    before = box.fresh()
+    box.key(key)
+    box.until(lambda now: now["tool"] == tool)
+    box.stroke(*points)
+    box.until(lambda now: now["undo"] == before["undo"] + 1 and now["grains"] != before["grains"])
+    after = box.fresh()  # the stroke has ended
+    assert (after["grains"] > before["grains"]) == more
+    grains = saved(box)
+    apart = np.hypot(*(grains["position"][:, None] - grains["position"][None]).transpose(2, 0, 1)) - grains["radius"][:, None]
+    gap = apart - grains["radius"][None] + 9 * np.eye(len(apart))
+    assert gap.min() > -0.02 * D  # a new grain is never inside another
+    assert len(grains["id"]) == after["grains"] and len(set(grains["id"])) == after["grains"]
+    box.key("z")
+    back = box.until(lambda now: now["undo"] == before["undo"])
+    assert back["hash"] == before["hash"]
+    box.key("y")
+    again = box.until(lambda now: now["undo"] == before["undo"] + 1)
+    assert again["grains"] == after["grains"]
+    box.key("z")
+    box.until(lambda now: now["undo"] == before["undo"])
+
+
+@pytest.mark.parametrize(("tool", "key"), [("grab", "1"), ("stir", "5"), ("attract", "6"), ("repel", "7")])
+def test_tools_that_push_and_pull_and_their_undoing(box: Playing, tool: str, key: str) -> None:
+    paused(box)
+    box.key(key)
+    box.until(lambda now: now["tool"] == tool)
+    before = box.fresh()
+    start = saved(box)
+    box.to(0.5, 0.28)
+    box.press()
+    box.key("space")
+    for k in range(1, 8):
+        rise = 0 if tool in ("attract", "repel") else 0.045 * k
+        box.to(0.5 + 0.3 * rise, 0.28 + rise)
+    box.key("space")
+    after = box.until(lambda now: now["paused"] and now["time"] > before["time"])
+    moved = saved(box)
+    box.release()
+    assert np.hypot(*(moved["position"] - start["position"]).T).max() > 0.5 * D
+    if tool == "grab":
+        held = np.argmax(np.hypot(*(moved["position"] - start["position"]).T))
+        assert moved["position"][held, 1] - start["position"][held, 1] > 3 * D  # it follows the mouse upwards
+        assert after["given"][1] > 0
+    elif tool != "stir":
+        way = np.array([0.15, 0.084]) - start["position"]
+        near = np.hypot(*way.T) < 4 * D
+        along = ((moved["position"] - start["position"])[near] * way[near]).sum()
+        assert (along > 0) == (tool == "attract")
+    box.key("z")
+    back = box.until(lambda now: now["undo"] == before["undo"])
+    assert back["hash"] == before["hash"]
+
+
+def test_freeze_and_thaw(box: Playing) -> None:
+    paused(box)
+    before = box.fresh()
+    assert (saved(box)["mobility"][:, 0] == 0).sum() == 1
+    box.key("8")
+    box.stroke((0.5, 0.1))
+    box.until(lambda now: now["undo"] == before["undo"] + 1)
+    held = saved(box)["mobility"][:, 0] == 0
+    assert held.sum() > 3
+    box.key("9")
+    box.stroke(FIXED)
+    box.until(lambda now: now["undo"] == before["undo"] + 2)
+    grains = saved(box)
+    assert (grains["mobility"][:, 0] == 0).sum() == held.sum() - 1
+    assert grains["mobility"][-1, 0] == pytest.approx(1 / (2650 * np.pi * 0.006**2), rel=1e-5)
+    box.key("z", "z")
+    assert box.until(lambda now: now["undo"] == before["undo"])["hash"] == before["hash"]
+
+
+def test_the_right_button_does_the_opposite_and_the_wheel_sizes_the_brush(box: Playing) -> None:
+    paused(box)
+    box.key("2")
+    before = box.fresh()
+    box.to(0.5, 0.1)
+    for _ in range(3):
+        box.tool("click", 4)
+    grown = box.until(lambda now: now["values"]["tool.size"] > before["values"]["tool.size"])
+    assert grown["values"]["tool.size"] > before["values"]["tool.size"]
+    box.stroke((0.5, 0.1), button=3)
+    box.until(lambda now: now["grains"] < before["grains"])
+    box.key("z")
+    box.until(lambda now: now["grains"] == before["grains"])
+    for _ in range(3):
+        box.tool("click", 5)
+
+
+def test_a_slider_changes_its_number_without_compiling(box: Playing) -> None:
+    paused(box, False)
+    box.click("tolerance")  # once, so that what a first change compiles is compiled
+    box.click("friction mu", 0.3)
+    before = box.fresh()
+    box.click("tolerance", 0.5, drag_to=0.75)
+    after = box.until(lambda now: now["values"]["solver.tolerance"] > 2 * before["values"]["solver.tolerance"])
+    box.click("friction mu", 0.3, drag_to=0.8)
+    after = box.until(lambda now: now["values"]["effects.friction.mu"] > before["values"]["effects.friction.mu"] + 0.3)
+    box.click("gravity y", 0.3, drag_to=0.1)
+    after = box.until(lambda now: now["values"]["gravity.1"] < -14)
+    assert after["compiled"] == before["compiled"] and not after["flags"]
+    box.key("z", "z", "z")
+    back = box.until(lambda now: now["undo"] == before["undo"])
+    assert back["values"] == before["values"]
+
+
+def test_unphysical_values_have_a_badge_and_stay_finite(box: Playing) -> None:
+    paused(box, False)
+    box.key("u")
+    box.click("friction mu", 0.5, drag_to=0.1)
+    now = box.until(lambda now: now["values"]["effects.friction.mu"] < -0.1)
+    assert now["unphysical"] and "friction.mu" in now["unphysical"][0]
+    box.click("restitution", 0.5, drag_to=0.97)
+    now = box.until(lambda now: now["values"]["solver.restitution"] > 1.1)
+    later = box.until(lambda later: later["time"] > now["time"] + 1.0)
+    assert np.isfinite(later["kinetic_energy_J"]) and later["grains"] + later["lost"] == now["grains"]
+    box.key("u")
+    assert not box.until(lambda now: not now["unphysical"])["unphysical"]
+    box.key("r")
+    box.until(lambda now: now["time"] < 1.0)
+
+
+def test_the_other_solver_takes_over_the_grains(box: Playing) -> None:
+    paused(box)
+    before = box.fresh()
+    start = saved(box)
+    box.key("m")
+    box.until(lambda now: now["solver"] == "md", 90)
+    assert saved(box)["position"] == pytest.approx(start["position"], abs=1e-7)
+    paused(box, False)
+    later = box.until(lambda now: now["time"] > before["time"] + 0.3)
+    assert later["grains"] == before["grains"] and not later["flags"]
+    paused(box)
+    box.key("m")
+    box.until(lambda now: now["solver"] == "rigid")
+    box.key("z", "z")
+    assert box.until(lambda now: now["undo"] == before["undo"])["hash"] == before["hash"]
+
+
+def test_save_load_picture_and_film(box: Playing) -> None:
+    paused(box)
+    before = box.fresh()
+    saved(box)
+    paused(box, False)
+    box.until(lambda now: now["time"] > before["time"] + 0.1)
+    paused(box)
+    box.key("l")
+    assert box.until(lambda now: now["time"] == before["time"])["hash"] == before["hash"]
+    box.key("p")
+    path = box.folder / "box_001.png"
+    box.until(lambda _: path.exists())
+    assert Image.open(path).size == tuple(before["window"])
+    paused(box, False)
+    box.key("f")
+    start = box.until(lambda now: now["said"] == "filming")["time"]
+    box.until(lambda now: now["time"] > start + 0.5)
+    box.key("f")
+    box.until(lambda now: now["said"].startswith("saved box_001.mp4"))
+    assert (box.folder / "box_001.mp4").stat().st_size > 3000
+    resumed = sand.Simulation.resume(box.folder / "box.npz", threads=1)
+    assert resumed.time == pytest.approx(before["time"]) and resumed.count == before["grains"]
+
+
+def test_reset_and_closing(box: Playing) -> None:
+    box.key("r")
+    box.until(lambda now: now["time"] < 0.5)
+    assert box.close() == 0
+    assert box.process.stderr.read() == ""
+
+
+def test_no_display(tmp_path: Path) -> None:
+    environment = {key: value for key, value in os.environ.items() if key != "DISPLAY"}
+    environment["PYTHONPATH"] = str(Path(sand.__file__).parents[1])
+    done = subprocess.run(
+        [sys.executable, "-m", "taichi_sand", "play", "billiards", "--folder", str(tmp_path / "new")],
+        capture_output=True, text=True, check=False, env=environment,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "render" in done.stderr and len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "new").exists()
