@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import taichi as ti
 
 from taichi_sand.world.geometry import add, movable, wrench
-from taichi_sand.world.motion import check_speed, drift, with_body
+from taichi_sand.world.motion import check_speed, drift, fastest_spin, with_body
 from taichi_sand.world.sweep import each_grain, going, sweep
 
 
@@ -141,7 +141,7 @@ def runge_kutta(w: ti.template(), s: ti.template(), c: ti.template(), start, end
         drift(w, start, end)
         for i in range(start, end):
             g.twist[i] = r.twist[i] + r.gained[i]
-            check_speed(w, i, w.pace[None].speed_cap)
+            check_speed(w, i, w.pace[None].speed_cap, fastest_spin(w))
 
 
 @ti.func
