@@ -72,7 +72,7 @@ class Simulation:
             device.start(self, arch, threads, scene.solver.precision)
             self.effects = effect_modules.check(scene)
             grains = pack(scene)
-            check_periodic(scene, grains.radius)
+            check_periodic(scene, grains.radius, effect_modules.reach(self.effects))
             if hand and not room:
                 self.room = max(LEAST_ROOM, len(grains) // 2)
             self._lay(grains, hand)
@@ -89,7 +89,7 @@ class Simulation:
         turns = effect_modules.turns(self.effects) or bool(np.any(grains.spin))
         solver = choose(kind)
         extra = solver.MEMORY + sum(columns.values())
-        self.world = make_world(scene, grains, extra, turns, self.arch != "cpu", self.room, effect_modules.sleeps(self.effects))
+        self.world = make_world(scene, grains, extra, turns, self.arch != "cpu", self.room, **effect_modules.structure(self.effects))
         device.count_room(self.world.capacity)
         self.bed = bed_of(grains, scene.gravity)
         memory = list(self.world.pairs.memory[-extra:]) if extra else []
@@ -136,6 +136,9 @@ class Simulation:
 
     def advance_steps(self, count: int) -> None:
         """Simulates `count` steps, with the pauses in which effects act."""
+        if self.hand and self.world.sleeps and self.hand.now[None].work:
+            wake(self.world)
+            self._renew_solver()
         end = self.steps + count
         pauses = [(effect, max(1, math.floor(effect.interval / self.step))) for effect in self.pausing]
         while self.steps < end:

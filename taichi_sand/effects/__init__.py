@@ -1,10 +1,11 @@
 """Optional physics, one module each; only those that a scene names are imported. A user's own effect is a file like these.
 
 A module declares PARAMETERS (scene.parameters.Parameter), SOLVERS (those it fits), and if need be TURNS = True (it can turn grains),
-SLEEPS = True (it lets grains sleep), NEUTRAL (values at which it does nothing) and memory(values, solver), how many columns that follow
-a pair it needs. build(values, columns, solver) makes the object whose methods are the hooks. HOOKS is the closed list of them; all but
-`between` are ti.funcs that the solver folds into its own kernels. Their argument w is the world, c the numbers of the solver and the
-live parameters (`mu` of friction is c.friction_mu), p a row of the pair table.
+SLEEPS = True (it lets grains sleep), NEUTRAL (values at which it does nothing), memory(values, solver), how many columns that follow a
+pair it needs, and reach(values), how far apart grains act on one another, in mean diameters. build(values, columns, solver) makes the
+object whose methods are the hooks. HOOKS is the closed list of them; all but `between` are ti.funcs that the solver folds into its own
+kernels. Their argument w is the world, c the numbers of the solver and the live parameters (`mu` of friction is c.friction_mu), p a row
+of the pair table.
 """
 
 import importlib
@@ -22,11 +23,13 @@ from taichi_sand.scene.parameters import Parameter, check_table
 
 HOOKS = {
     "md": {
+        "normal": "(w, c, p, overlap): normal force of pair p on top of the contact's, also apart (overlap < 0), within `reach` [N]",
         "tangent": "(w, c, p, wall, normal_force, slip, stiffness, dashpot): tangential force on the second grain of pair p [N]",
         "couple": "(w, c, p, normal_force, roll, radius, stiffness, inertia): torque on the second grain of pair p [N m]",
         "release": "(w, p): pair p does not touch",
     },
     "rigid": {
+        "floor": "(w, c, p, gap, middle): lowest normal impulse [N s], for the gap now and amid the step; 0, 0 at an impact",
         "cone": "(w, c, p, wall, normal): largest tangential impulse of pair p for a normal one [N s]",
         "spin_cone": "(w, c, p, normal, radius): largest angular impulse [N m s]; the column `torque` keeps what is carried [N m]",
     },
@@ -127,6 +130,16 @@ def turns(tables: Mapping[str, Any]) -> bool:
 def sleeps(tables: Iterable[str]) -> bool:
     """Whether any of these effects lets grains sleep."""
     return any(getattr(module(name), "SLEEPS", False) for name in tables)
+
+
+def reach(tables: Mapping[str, Any]) -> float:
+    """How far apart grains still act on one another, in mean diameters."""
+    return max((module(name).reach(values) for name, values in tables.items() if hasattr(module(name), "reach")), default=0.0)
+
+
+def structure(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """What the world must know of these effects, as keywords of make_world."""
+    return {"sleeps": sleeps(tables), "reach": reach(tables)}
 
 
 def build(name: str, values: dict[str, Any], memory: Sequence[Any], kind: str) -> Any:

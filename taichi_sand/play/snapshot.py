@@ -100,6 +100,9 @@ def used_rows(sim: Simulation) -> Callable[[str, np.ndarray], Spans]:
         2 * world.capacity: [(half * world.capacity, half * world.capacity + count)],
     }
 
+    if world.sleeps:  # the rows of sleepers are found in either half
+        del pairs[2 * world.capacity]
+
     def spans(name: str, array: np.ndarray) -> Spans:
         rows = len(array)
         if (name.startswith(".0.grains") or name.startswith(".0.grid")) and rows == world.capacity:

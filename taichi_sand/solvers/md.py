@@ -13,7 +13,7 @@ import taichi as ti
 
 from taichi_sand.solvers.integrators import INTEGRATORS, Stages, allocate_stages
 from taichi_sand.solvers.tolerance import Bed, md_numbers
-from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, perp, rolling, spin, spin_mass, velocity, wrench
+from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, perp, rolling, spin, velocity, wrench
 from taichi_sand.world.tables import World, fill_struct
 
 MEMORY = 0
@@ -93,11 +93,14 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
                 if ti.static(hasattr(effect, "tangent")):
                     force.y += effect.tangent(w, c, p, wall, force.x, slip, stiffness, dashpot)
                 if ti.static(hasattr(effect, "couple")):
-                    roll, radius = rolling(w, i, j, wall)
-                    torque = effect.couple(w, c, p, force.x, roll, radius, stiffness, spin_mass(w, i, j, wall))
+                    roll, radius, inertia = rolling(w, i, j, wall)
+                    torque = effect.couple(w, c, p, force.x, roll, radius, stiffness, inertia)
                     add(g.wrench, i, -couple(torque))
                     if ti.static(not wall):
                         add(g.wrench, j, couple(torque))
+        for effect in ti.static(s.effects):
+            if ti.static(hasattr(effect, "normal")):
+                force.x += effect.normal(w, c, p, overlap)
         push = force.x * normal + force.y * perp(normal)
         add(g.wrench, i, -wrench(push, arm_i * force.y))
         if ti.static(not wall):
@@ -106,6 +109,11 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
         for effect in ti.static(s.effects):
             if ti.static(hasattr(effect, "release")):
                 effect.release(w, p)
+            if ti.static(hasattr(effect, "normal")):
+                force.x += effect.normal(w, c, p, overlap)
+                add(g.wrench, i, -wrench(force.x * normal, 0.0))
+                if ti.static(not wall):
+                    add(g.wrench, j, wrench(force.x * normal, 0.0))
     pairs.force[p] = force
 
 

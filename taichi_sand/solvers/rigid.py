@@ -14,20 +14,7 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.solvers.tolerance import Bed, rigid_numbers
-from taichi_sand.world.geometry import (
-    add,
-    at_least,
-    couple,
-    distance_to_second,
-    movable,
-    perp,
-    rolling,
-    spin,
-    spin_mass,
-    velocity,
-    within,
-    wrench,
-)
+from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, movable, perp, rolling, spin, velocity, within, wrench
 from taichi_sand.world.motion import drift, with_body
 from taichi_sand.world.sweep import each_grain, going, nothing, sweep
 from taichi_sand.world.tables import World, fill_struct
@@ -109,6 +96,16 @@ def cone(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.templ
 
 
 @ti.func
+def lowest(w: ti.template(), s: ti.template(), c: ti.template(), p, gap, middle):
+    """Lowest normal impulse, from the gap now and in the middle of the step: 0, or less where an effect can pull."""
+    low = 0.0
+    for effect in ti.static(s.effects):
+        if ti.static(hasattr(effect, "floor")):
+            low += effect.floor(w, c, p, gap, middle)
+    return low
+
+
+@ti.func
 def arms(w: ti.template(), i, j, gap, wall: ti.template()):
     """Levers of both grains, from the centre to the contact point; they add up to the distance of the centres.
 
@@ -162,6 +159,7 @@ def collide(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
             bound = cone(w, s, c, p, wall, impulse.x)
             impulse.y = within(bound, -pairs.mass_t[p] * slip)
         give(w, i, j, impulse, normal, arm_i, arm_j, wall)
+        lowest(w, s, c, p, 0.0, 0.0)  # they touch
         w.pace[None].hit = 1
 
 
@@ -175,9 +173,11 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     motion = -velocity(w, i) if ti.static(wall) else velocity(w, j) - velocity(w, i)
     speed = motion.dot(normal)
     carried = pairs.force[p] * c.step
-    due = carried.x > 0.0 or speed * c.step + gap < 0.0
+    low = lowest(w, s, c, p, gap, gap + ti.static(0.5 if soft else -0.5) * c.step * speed)
+    held = carried.x != 0.0 or low < 0.0
+    due = held or speed * c.step + gap < 0.0
     if ti.static(not soft):  # faster approaches are left to the impacts of the next step
-        due = carried.x > 0.0 or (speed * c.step + gap < 0.0 and speed >= -c.threshold)
+        due = held or (speed * c.step + gap < 0.0 and speed >= -c.threshold)
     if due:
         want = pairs.mass[p] * (speed + at_least(0.0, gap) * c.rate)
         if ti.static(soft):
@@ -185,14 +185,14 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
                 bias = at_least(-c.push_cap, c.bias_rate * gap)
                 want = pairs.mass[p] * c.mass_scale * (speed + bias)
                 want += c.impulse_scale * (carried.x - s.reference[p] * c.step)
-        new = ti.Vector([at_least(0.0, carried.x - want), 0.0])
+        new = ti.Vector([at_least(low, carried.x - want), 0.0])
         arm_i, arm_j = arms(w, i, j, gap, wall)
         if ti.static(w.turns):
             slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall)
-            bound = cone(w, s, c, p, wall, new.x)
+            bound = cone(w, s, c, p, wall, new.x - low)
             new.y = within(bound, carried.y - pairs.mass_t[p] * slip)
         give(w, i, j, new - carried, normal, arm_i, arm_j, wall)
-        resist_rolling(w, s, c, p, i, j, new.x, wall)
+        resist_rolling(w, s, c, p, i, j, new.x - low, wall)
         carried = new
         pairs.force[p] = carried * c.rate
     elif ti.static(not soft):
@@ -207,9 +207,9 @@ def resist_rolling(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j
     g = ti.static(w.grains)
     for effect in ti.static(s.effects):
         if ti.static(hasattr(effect, "spin_cone")):
-            roll, radius = rolling(w, i, j, wall)
+            roll, radius, inertia = rolling(w, i, j, wall)
             carried = effect.torque[p] * c.step
-            new = within(effect.spin_cone(w, c, p, normal, radius), carried - spin_mass(w, i, j, wall) * roll)
+            new = within(effect.spin_cone(w, c, p, normal, radius), carried - inertia * roll)
             add(g.twist, i, -couple(new - carried) * g.mobility[i])
             if ti.static(not wall):
                 add(g.twist, j, couple(new - carried) * g.mobility[j])
@@ -233,7 +233,7 @@ def look(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.templ
 def relax(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
     """Second sweep, where the grains have moved to; lays by what the pair carries for the next step."""
     carried = project(w, s, c, p, wall, False)
-    goal = REFERENCE_SHARE * carried.x * c.rate
+    goal = REFERENCE_SHARE * at_least(0.0, carried.x) * c.rate
     crept = s.reference[p] + c.reference_rate * (goal - s.reference[p])
     s.reference[p] = ti.select(crept < goal, crept, goal)
     lay_by(w, s, c, p, carried, wall)
@@ -244,7 +244,7 @@ def lay_by(w: ti.template(), s: ti.template(), c: ti.template(), p, carried, wal
     """Adds the impulse that pair p carries to what its grains start the next step with."""
     pairs = ti.static(w.pairs)
     g = ti.static(w.grains)
-    if carried.x > 0.0:
+    if carried.x != 0.0:
         i = pairs.first[p]
         j = i if ti.static(wall) else pairs.second[p]
         normal, gap = pairs.normal[p], pairs.gap[p]

@@ -28,6 +28,7 @@ from taichi_sand.world.walls import build_walls, edge_parts, polyline_parts
 
 STRIPS_FROM = 30_000
 """Grains from which a sweep pays for being cut into strips: handing out a parallel loop costs as much as some thousand pairs."""
+EARTH = 9.81  # m/s2
 CELLS_PER_GRAIN = 4
 SITES_PER_GRAIN = 4
 SIDES = ("left", "right", "bottom", "top")
@@ -40,11 +41,11 @@ def lay_lattice(size: tuple[float, float], diameter: float, count: int) -> tuple
     return tuple(side / n for side, n in zip(size, sites, strict=True)), sites
 
 
-def check_periodic(scene: Any, radius: np.ndarray) -> None:
+def check_periodic(scene: Any, radius: np.ndarray, reach: float) -> None:
     """SandError if a periodic axis has room for less than three of the widest cells: a search could then pair two grains twice."""
     if not len(radius):
         return
-    least = 3.001 * (2 * float(radius.max()) + (MOST_SKIN + MOST_SLACK) * 2 * float(radius.mean()))
+    least = 3.001 * (2 * float(radius.max()) + (MOST_SKIN + MOST_SLACK + reach) * 2 * float(radius.mean()))
     for axis, side, length in (("x", "left", scene.size[0]), ("y", "bottom", scene.size[1])):
         if getattr(scene.edges, side) == "periodic" and length < least:
             text = f"{length:g} m is too short for a box periodic along {axis}; these grains need at least {least:.3g} m"
@@ -67,7 +68,9 @@ def lay_walls(scene: Any, spacing: tuple[float, float], sites: tuple[int, int], 
     return build_walls(parts, spacing, sites, reach, real)
 
 
-def make_world(scene: Any, pack: Pack, extra: int, turns: bool, gpu: bool, room: int = 0, sleeps: bool = False) -> World:
+def make_world(
+    scene: Any, pack: Pack, extra: int, turns: bool, gpu: bool, room: int = 0, sleeps: bool = False, reach: float = 0.0
+) -> World:
     """World of `scene` with room for the grains of `pack` and `room` more; `extra` columns of the pair table follow a pair."""
     real = ti.f64 if scene.solver.precision == 64 else ti.f32
     count = len(pack.radius)
@@ -77,7 +80,7 @@ def make_world(scene: Any, pack: Pack, extra: int, turns: bool, gpu: bool, room:
     edges = [getattr(scene.edges, side) for side in SIDES]
     periodic = (edges[0] == "periodic", edges[2] == "periodic")
     spacing, sites = lay_lattice(scene.size, diameter, capacity)
-    least_cell, cells = plan_cells(scene.size, largest, capacity)
+    least_cell, cells = plan_cells(scene.size, largest + reach * diameter, capacity)
     layout = "cells" if gpu else "strips" if count >= STRIPS_FROM else "one"
     cells = round_up(cells + 1)
     blocks = {"one": 1, "strips": STRIPS, "cells": cells}[layout]
@@ -89,7 +92,7 @@ def make_world(scene: Any, pack: Pack, extra: int, turns: bool, gpu: bool, room:
         pairs=allocate_pairs(real, capacity, wall_base + wall_half, extra, 3 if sleeps else 2),
         blocks=allocate_blocks(blocks + sleeps, lanes),
         grid=allocate_grid(real, capacity, cells),
-        walls=lay_walls(scene, spacing, sites, largest / 2 + MOST_REACH * diameter, real),
+        walls=lay_walls(scene, spacing, sites, largest / 2 + (MOST_REACH + reach) * diameter, real),
         pace=pace_type(real).field(shape=()),
         flags=flags.allocate(),
         count=ti.field(ti.i32, ()),
@@ -108,6 +111,8 @@ def make_world(scene: Any, pack: Pack, extra: int, turns: bool, gpu: bool, room:
         real=real,
     )
     numbers = {"spacing": spacing, "sites": sites, "diameter": diameter, "largest": largest, "least_cell": least_cell}
+    gravity = math.hypot(*scene.gravity) or EARTH
+    numbers |= {"bridge": reach * diameter, "weight": gravity * (float(pack.mass[~pack.fixed].mean()) if (~pack.fixed).any() else 0.0)}
     world.box[None] = {"size": scene.size, "gravity": scene.gravity, **numbers}
     return world
 

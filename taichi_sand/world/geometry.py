@@ -91,23 +91,15 @@ def point_velocity(velocity, spin, arm):
 
 @ti.func
 def rolling(w: ti.template(), i, j, wall: ti.template()):
-    """Spin of the second grain as seen from the first [rad/s], and the radius that rolling goes with [m]: that of the grain on a wall,
-    R_i R_j / (R_i + R_j) between two grains.
+    """Spin of the second grain as seen from the first [rad/s]; the radius that rolling goes with [m], that of the grain on a wall,
+    R_i R_j / (R_i + R_j) between two grains; and the effective moment of inertia against it [kg m2].
     """
-    roll, radius = -spin(w, i), w.grains.radius[i]
+    roll, radius, give = -spin(w, i), w.grains.radius[i], w.grains.mobility[i].z
     if ti.static(not wall):
         roll += spin(w, j)
         radius *= w.grains.radius[j] / (radius + w.grains.radius[j])
-    return roll, radius
-
-
-@ti.func
-def spin_mass(w: ti.template(), i, j, wall: ti.template()):
-    """Effective moment of inertia of a pair against rolling [kg m2]."""
-    give = w.grains.mobility[i].z
-    if ti.static(not wall):
         give += w.grains.mobility[j].z
-    return 1.0 / give
+    return roll, radius, 1.0 / give
 
 
 @ti.func

@@ -51,7 +51,7 @@ def foresee(w: ti.template()):
     pace.impacts = 1
     pace.half = 1 - pace.half
     w.pace[None] = pace
-    lay_cells(w, box.largest + skin + slack)
+    lay_cells(w, box.largest + box.bridge + skin + slack)
 
 
 @ti.func
@@ -160,7 +160,7 @@ def list_range(w: ti.template(), i, start, end, p, last, lanes: ti.template()):
     pace = w.pace[None]
     flight = grid.flight[i]
     rounding = 1e-6 * (box.size.x + box.size.y)
-    near = w.grains.radius[i] + 0.5 * box.largest + pace.skin + rounding
+    near = w.grains.radius[i] + 0.5 * box.largest + box.bridge + pace.skin + rounding
     row = p
     for j in range(start, end):
         apart = grid.flight[j] - flight
@@ -180,7 +180,7 @@ def list_sleepers(w: ti.template(), i, p, last, lanes: ti.template()):
     if naps.state[None].asleep > 0:
         box, v = w.box[None], velocity(w, i)
         rounding = 1e-6 * (box.size.x + box.size.y)
-        near = w.grains.radius[i] + 0.5 * box.largest + w.pace[None].skin + v.norm() * w.pace[None].horizon + rounding
+        near = w.grains.radius[i] + 0.5 * box.largest + box.bridge + w.pace[None].skin + v.norm() * w.pace[None].horizon + rounding
         low = ti.cast(ti.floor((w.grid.flight[i].xy - near) / box.spacing), ti.i32)
         high = ti.min(ti.cast(ti.floor((w.grid.flight[i].xy + near) / box.spacing), ti.i32), low + box.sites - 1)
         for k in ti.static(range(2)):
@@ -217,7 +217,7 @@ def list_pair(w: ti.template(), i, j, row, last, lanes: ti.template()):
     radii = g.radius[i] + g.radius[j]
     give = mobility(w, i) + mobility(w, j)
     next_row = row
-    if give.x > 0.0 and may_meet(reach, velocity(w, j) - velocity(w, i), radii + w.pace[None].skin, w.pace[None].horizon):
+    if give.x > 0.0 and may_meet(reach, velocity(w, j) - velocity(w, i), radii + box.bridge + w.pace[None].skin, w.pace[None].horizon):
         if row >= last:
             flag(w, PAIRS_FULL, g.id[i])
         else:
@@ -240,7 +240,7 @@ def list_walls(w: ti.template(), i, q, last):
     g = ti.static(w.grains)
     walls = ti.static(w.walls)
     pace = w.pace[None]
-    near = g.radius[i] + pace.skin + velocity(w, i).norm() * pace.horizon
+    near = g.radius[i] + w.box[None].bridge + pace.skin + velocity(w, i).norm() * pace.horizon
     row = q
     sites = w.box[None].sites
     place = ti.min(ti.max(g.site[i], 0), sites - 1)

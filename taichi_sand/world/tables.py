@@ -141,6 +141,8 @@ def box_type(real: Any) -> Any:
         gravity=pair,  # [m/s2]
         diameter=real,  # mean diameter d of the grains [m]
         largest=real,  # largest diameter [m]
+        bridge=real,  # how far apart grains still act on one another [m]
+        weight=real,  # of a mean grain, on earth if there is no gravity [N]
         least_cell=real,  # smallest width of a cell for which the grid has room [m]
     )
 

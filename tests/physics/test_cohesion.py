@@ -1,0 +1,58 @@
+"""Liquid bridges (physics.md D7): pull-off force, energy to tear, capture speed, in both solvers."""
+
+import math
+
+import numpy as np
+import pytest
+from helpers import D, Disc, G, K, M, R, simulate
+
+T_C = math.pi * math.sqrt(M / 2 / K)
+SOLVERS = {
+    "md": {"kind": "md", "k_r": K, "restitution": 0.5, "step": T_C / 30},
+    "rigid": {"kind": "rigid", "restitution": 0.5, "step": 4e-5, "tolerance": 0.001},
+}
+BOND, RUPTURE = 5.0, 0.1
+ENERGY = BOND * M * G * RUPTURE * D / 2
+"""F_c S_c / 2 [J]; without gravity the weight is that on earth."""
+WET = {"cohesion": {"bond": BOND, "rupture": RUPTURE}}
+MIDDLE = 0.05
+
+
+def pair(name: str, gap: float, speed: float, effects: dict):
+    """Two discs `gap` apart that move apart at `speed`."""
+    discs = [Disc(MIDDLE + side * (R + gap / 2), MIDDLE, side * speed / 2) for side in (-1, 1)]
+    return simulate(discs, (0.1, 0.1), SOLVERS[name], effects=effects)
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_pull_off_force(name: str) -> None:
+    """A disc hangs from a fixed one if F_c is 2 % above its weight, and falls if it is 2 % below."""
+    for bond, hangs in ((0.98, False), (1.02, True)):
+        discs = [Disc(MIDDLE, 0.08, fixed=True), Disc(MIDDLE, 0.08 - D + 1e-7)]
+        effects = {"cohesion": {"bond": bond, "rupture": RUPTURE}}
+        sim = simulate(discs, (0.1, 0.1), SOLVERS[name], gravity=(0, -G), effects=effects)
+        sim.advance(0.3)
+        sunk = (0.08 - D - sim.positions[1, 1]) / D
+        assert abs(sunk) < 1e-3 if hangs else sunk > 1
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_energy_to_tear(name: str) -> None:
+    """Two touching discs flung apart lose F_c S_c / 2, within 5 %; never having touched, nothing."""
+    speed = 1.5 * math.sqrt(2 * ENERGY / (M / 2))
+    for gap, loss in ((-2e-8, ENERGY), (0.02 * D, 0.0)):
+        sim = pair(name, gap, speed, WET)
+        sim.advance(0.05)
+        left = float(np.diff(sim.velocities[:, 0])[0])
+        assert M / 4 * (speed**2 - left**2) == pytest.approx(loss, rel=0.05, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_capture_speed(name: str) -> None:
+    """After an impact at v with restitution e discs stick if m* (e v)² / 2 < F_c S_c / 2: bracketed within 5 %."""
+    limit = math.sqrt(2 * ENERGY / (M / 2)) / SOLVERS[name]["restitution"]
+    for share, sticks in ((0.95, True), (1.05, False)):
+        sim = pair(name, 2e-4, -share * limit, WET)
+        sim.advance(0.2)
+        apart = (sim.positions[1, 0] - sim.positions[0, 0]) / D - 1
+        assert apart < RUPTURE if sticks else apart > 2 * RUPTURE
