@@ -9,6 +9,7 @@ from rich.text import Text
 GROUPS = {
     "accuracy": {
         "tolerance": ("tolerance asked", "d"),
+        "depth": ("pile depth reckoned with", "grains"),
         "overlap_mean": ("overlap, mean", "d"),
         "overlap_p99": ("overlap, 99 % below", "d"),
         "overlap_max": ("overlap, worst", "d"),

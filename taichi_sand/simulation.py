@@ -15,7 +15,7 @@ from taichi_sand import effects as effect_modules
 from taichi_sand.scene.packing import pack
 from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers import choose
-from taichi_sand.solvers.tolerance import bed_of
+from taichi_sand.solvers.tolerance import Bed, bed_of, depth_of
 from taichi_sand.world import checkpoint, device
 from taichi_sand.world import hand as hands
 from taichi_sand.world.build import check_periodic, fill, make_world, read_grains
@@ -27,6 +27,8 @@ from taichi_sand.world.rest import rearrange, wake
 
 LEAST_ROOM = 1000
 """Room for grains that a user adds by hand."""
+LOOK, GROWTH = 0.25, 1.2
+"""Simulated time between two looks at the depth of the pile [s], and by how much it must have grown for stiffness and step to follow."""
 BATCH = 8
 """Steps of a large world between two looks at whether its search still holds; steps that find it spent do nothing."""
 
@@ -124,15 +126,11 @@ class Simulation:
 
     def advance(self, seconds: float, progress: Callable[[float], None] | None = None) -> None:
         """Simulates until `seconds` later, to the nearest step; `progress` is called with the share done."""
-        start = self.steps
-        total = round((self.time - self.epoch[1] + seconds) / self.step) + self.epoch[0] - start
-        done = 0
-        while done < total:
-            part = min(total - done, max(1, round(1 / (30 * self.step))) if progress else total)
-            self.advance_steps(part)
-            done += part
+        start, end = self.time, self.time + seconds
+        while (left := round((end - self.time) / self.step)) > 0:  # the step may change on the way
+            self.advance_steps(min(left, self._steps_to_look(), max(1, round(1 / (30 * self.step))) if progress else left))
             if progress:
-                progress(done / total)
+                progress(min(1.0, (self.time - start) / seconds))
 
     def advance_steps(self, count: int) -> None:
         """Simulates `count` steps, with the pauses in which effects act."""
@@ -142,7 +140,7 @@ class Simulation:
         end = self.steps + count
         pauses = [(effect, max(1, math.floor(effect.interval / self.step))) for effect in self.pausing]
         while self.steps < end:
-            part = min([end - self.steps] + [every - self.steps % every for _, every in pauses])
+            part = min([end - self.steps, self._steps_to_look()] + [every - self.steps % every for _, every in pauses])
             with self._stage("march"):
                 self._march(part)
             self.steps += part
@@ -150,6 +148,27 @@ class Simulation:
                 if self.steps % every == 0:
                     with self._stage("effects"):
                         effect.between(self.world, self.solver)
+            if self._steps_to_look() == self._look_every():
+                with self._stage("look"):
+                    self._look()
+
+    def _look_every(self) -> int:
+        return max(1, math.floor(LOOK / self.step))
+
+    def _steps_to_look(self) -> int:
+        """Steps until the next look at the depth, counted from when the step last changed."""
+        return self._look_every() - (self.steps - self.epoch[0]) % self._look_every()
+
+    def _look(self) -> None:
+        """Stiffness and step follow the depth of a pile that has grown."""
+        if not self.count or not self.bed.gravity:
+            return
+        grains = self._grains()
+        free = grains["mobility"][:, 0] > 0
+        if free.any():
+            depth = depth_of(grains["position"][free], grains["radius"][free].astype(float), self.scene.gravity)
+            if depth > GROWTH * self.bed.depth:
+                self._adopt(self.scene, replace(self.bed, depth=depth), {})
 
     def renew(self) -> None:
         """Searches anew, after grains or walls have been changed by hand; what contacts that are gone carried is forgotten."""
@@ -170,12 +189,14 @@ class Simulation:
 
         Nothing is compiled: everything else in `scene` must be as it was.
         """
-        bed = replace(self.bed, gravity=float(np.hypot(*scene.gravity)))
+        self.world.box[None].gravity = scene.gravity
+        self._adopt(scene, replace(self.bed, gravity=float(np.hypot(*scene.gravity))), live or {})
+
+    def _adopt(self, scene: Scene, bed: Bed, live: dict[str, float]) -> None:
         numbers = choose(scene.solver.kind).numbers(scene, bed)
         self.epoch = (self.steps, self.time)
         self.scene, self.bed, self.numbers = scene, bed, numbers
-        self.world.box[None].gravity = scene.gravity
-        self.set_numbers({**numbers, **(live or {})})
+        self.set_numbers({**numbers, **live})
         self.renew()
 
     def set_numbers(self, values: dict[str, float]) -> None:
@@ -301,5 +322,5 @@ class Simulation:
         sim = cls(Scene.from_json(about["scene"]), arch=arch, threads=threads, room=about["room"], hand=about["hand"])
         checkpoint.restore(sim._fields(), arrays, path)
         sim.made, sim.removed, sim.epoch, sim.numbers = about["made"], about["removed"], tuple(about["epoch"]), about["numbers"]
-        sim.steps = int(sim.world.pace[None].done)
+        sim.bed, sim.steps = Bed(**about["bed"]), int(sim.world.pace[None].done)
         return sim

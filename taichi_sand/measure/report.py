@@ -12,6 +12,7 @@ too make up the inside of the bed (so the surface, the walls and their ordering 
 0 where no bed is that large.
 `coordination`: mean number of bearing contacts of a grain, walls included, over the grains that are no rattlers. A contact bears when its
 normal force exceeds 1e-3 of the mean one; a rattler has fewer than two such contacts (physics.md B3).
+`depth`: of the pile, in grains, that stiffness and step are made for; measured anew as the pile grows.
 `bed_height_m`: twice the mass-weighted mean height above the lowest point of a grain: the height of a level bed of even density.
 Up is against gravity (+y without gravity).
 `floor_force_N`: downward force on the walls that rise less than 80 degrees, friction included; a bed at rest between smooth sides
@@ -149,6 +150,7 @@ def report(sim: Any) -> dict[str, Any]:
         "grains_lost": int(sim.lost),
         **({"grains_asleep": int(sim.world.naps.state[None].asleep)} if sim.world.sleeps else {}),
         "tolerance": float(sim.scene.solver.tolerance),
+        "depth": float(sim.bed.depth),
         **contacts(sim),
         **motion(sim),
         "packing_fraction": packing_fraction(sim),

@@ -65,14 +65,20 @@ def bed_of(pack: Pack, gravity: tuple[float, float]) -> Bed:
     free = ~pack.fixed if (~pack.fixed).any() else np.ones_like(pack.fixed)
     radius, mass = pack.radius[free], pack.mass[free]
     diameter = 2 * float(radius.mean())
-    across = pack.position[free, 0 if abs(gravity[1]) >= abs(gravity[0]) else 1]
+    speed = float(np.hypot(*pack.velocity.T).max())
+    depth = depth_of(pack.position[free], radius, gravity)
+    return Bed(diameter, float(mass.mean()), float(mass.min()), depth, float(np.hypot(*gravity)), speed)
+
+
+def depth_of(position: np.ndarray, radius: np.ndarray, gravity: tuple[float, float]) -> float:
+    """Depth, in grains, of the bed that grains at `position`, shape (n, 2), will form: see `bed_of`."""
+    diameter = 2 * float(radius.mean())
+    across = position[:, 0 if abs(gravity[1]) >= abs(gravity[0]) else 1]
     column = np.floor((across - across.min()) / diameter).astype(int)
     area = np.bincount(column, math.pi * radius**2)
     ones = np.ones(min(WINDOW, len(area)))
     deepest = float((np.convolve(area, ones, "valid") / np.maximum(np.convolve(area > 0, ones, "valid"), 1)).max())
-    speed = float(np.hypot(*pack.velocity.T).max())
-    depth = max(deepest / (0.84 * diameter) / diameter, 1.0)
-    return Bed(diameter, float(mass.mean()), float(mass.min()), depth, float(np.hypot(*gravity)), speed)
+    return max(deepest / (0.84 * diameter) / diameter, 1.0)
 
 
 def collision_restitution(zeta: float) -> float:
