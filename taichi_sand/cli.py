@@ -1,5 +1,6 @@
 """The command `taichi-sand`. Exit status: 0 done, 1 the physics failed a check, 2 wrong input, 130 interrupted."""
 
+import io
 import json
 import math
 import os
@@ -142,9 +143,12 @@ def render(
     threads: Threads = None,
     precision: Precision = None,
 ) -> None:
-    """Simulates and films, without a display."""
+    """Simulates and films, without a display; SCENE may also be what `play --record` wrote."""
     with in_one_sentence():
         _check_seconds(seconds)
+        if _is_recording(scene):
+            _film_recording(Path(scene), out, fps, width, arch, threads)
+            return
         view = {"view.fps": fps, "view.width": width, "view.color": color}
         loaded = taichi_sand.load(scene, _overrides(overrides, **view, **{"solver.precision": precision}), effect or ())
         from taichi_sand.view.film import destination, film
@@ -157,12 +161,30 @@ def render(
             raise PhysicsError("; ".join(sim.flags()))
 
 
+def _is_recording(path: str) -> bool:
+    """Whether a file is what `play --record` wrote; told by how it starts."""
+    with open(path, "rb") if Path(path).is_file() else io.BytesIO() as file:
+        return file.read(40).startswith(b'{"taichi_sand recording"')
+
+
+def _film_recording(path: Path, out: str, fps: int | None, width: int | None, arch: str, threads: int | None) -> None:
+    from taichi_sand.play import recording
+    from taichi_sand.view.film import destination
+
+    check_writable(destination(out)[0])
+    with progress_bar(path.name) as progress:
+        recording.film(path, out, fps=fps or 30, width=width, arch=arch, threads=threads, progress=progress)
+
+
 @app.command()
 def play(
     scene: SceneName,
     folder: Annotated[Path, typer.Option("--folder", metavar="DIR", help="Where pictures, films and checkpoints are written.")] = Path(),
     report: Annotated[
         Path | None, typer.Option("--report", metavar="FILE", help="What the window shows, four times a second, as lines of JSON.")
+    ] = None,
+    record: Annotated[
+        Path | None, typer.Option("--record", metavar="FILE", help="Everything that is done, for `render FILE` to do again.")
     ] = None,
     width: Annotated[int | None, typer.Option("--width", min=200, max=4000, help="Of the picture, in pixels.")] = None,
     overrides: Overrides = None,
@@ -173,11 +195,14 @@ def play(
     """Opens a window to watch and change the simulation, and to reach into it; `h` shows the keys."""
     with in_one_sentence():
         loaded = taichi_sand.load(scene, _overrides(overrides, **{"solver.precision": precision}))
-        for path in (folder / "any", *([report] if report else [])):
+        for path in (folder / "any", *(path for path in (report, record) if path)):
             check_writable(path)
-        from taichi_sand.play.window import play as start
+        from taichi_sand.play import window
+        from taichi_sand.play.session import Session
 
-        start(loaded, Path(scene).stem, folder=folder, width=width, report=report, arch=arch, threads=threads)
+        window.check_display()
+        session = Session(loaded, arch=arch, threads=threads)
+        window.play(session, Path(scene).stem, folder=folder, width=width, report=report, record=record)
 
 
 @app.command()

@@ -17,7 +17,7 @@ class Pace:
         self.cost = 0.0  # wall time of a step [s]
         self.rest = 0.0  # steps that are due but not whole
         self.factor = 0.0  # simulated time / wall time
-        self.frames = 60.0  # frames a second
+        self.mean = FRAME  # wall time of a frame [s]
         self.stages: dict[str, float] = {}  # wall time of each stage in a frame [s]
 
     def steps(self, wall: float, step: float, speed: float) -> int:
@@ -34,12 +34,18 @@ class Pace:
             each = seconds / steps
             self.cost = each if not self.cost else self.cost + MEMORY * (each - self.cost)
 
+    @property
+    def frames(self) -> float:
+        """Frames a second."""
+        return 1 / self.mean
+
     def frame(self, wall: float, simulated: float) -> None:
         """A frame that took `wall` [s] brought `simulated` [s]."""
         wall = max(wall, 1e-6)
         self.factor += MEMORY * (simulated / wall - self.factor)
-        self.frames += MEMORY * (1 / wall - self.frames)
+        self.mean += MEMORY * (wall - self.mean)
 
     def stage(self, name: str, seconds: float) -> None:
         """Stage `name` of a frame took `seconds`."""
-        self.stages[name] = self.stages.get(name, seconds) + MEMORY * (seconds - self.stages.get(name, seconds))
+        before = self.stages.get(name)  # the first time compiles and is not counted
+        self.stages[name] = 0.0 if before is None else seconds if not before else before + MEMORY * (seconds - before)

@@ -13,17 +13,17 @@ from taichi_sand.play import hud
 from taichi_sand.play.controls import Controls
 from taichi_sand.play.files import Film
 from taichi_sand.play.pace import FRAME, Pace
+from taichi_sand.play.recording import Recorder
 from taichi_sand.play.screen import Screen, picture_width
 from taichi_sand.play.session import Session, as_line
 from taichi_sand.scene.errors import SandError
-from taichi_sand.scene.schema import Scene
 
 MEASURE = 0.25
 """Time between two measurements [s]."""
 IDLE = 0.03
 """A paused window looks for input so often [s]."""
 NO_DISPLAY = "there is no display to open a window on; `taichi-sand render` makes films without one"
-LISTENER = Callable[[list, int, float], None]
+LISTENER = Callable[[list, int], None]
 
 
 class Window:
@@ -43,7 +43,7 @@ class Window:
     def __init__(self, session: Session, name: str, *, folder: Path, width: int | None = None, report: Path | None = None) -> None:
         self.session, self.name, self.folder, self.width = session, name, folder, width
         self.report = report.open("w", encoding="utf-8") if report else None
-        self.listener: LISTENER | None = None  # gets every frame's actions, steps, and wall time
+        self.listener: LISTENER | None = None  # gets the actions and steps of every frame
         self.running, self.stale, self.unmeasured = True, True, True
         self.seen_at = (0.0, 0.0)
         self.film: Film | None = None
@@ -103,7 +103,7 @@ class Window:
         if not controls.paused:
             self.pace.frame(self.frame_time, session.sim.time - before)
         if self.listener:
-            self.listener(session.take_log(), steps, start)
+            self.listener(session.take_log(), steps)
         late = self.unmeasured and time.perf_counter() - self.measured_at >= MEASURE
         if steps or changed or self.stale or late:
             self._show()
@@ -186,8 +186,15 @@ def check_display() -> None:
         raise SandError(NO_DISPLAY)
 
 
-def play(scene: Scene, name: str, *, folder: Path, width: int | None, report: Path | None, arch: str, threads: int | None) -> None:
-    """Plays a scene in a window until that is closed. Arguments as for Window and Session."""
-    check_display()
+def play(session: Session, name: str, *, folder: Path, width: int | None, report: Path | None, record: Path | None) -> None:
+    """Plays a session in a window until that is closed, and records it if `record` names a file. Arguments as for Window."""
     folder.mkdir(parents=True, exist_ok=True)
-    Window(Session(scene, arch=arch, threads=threads), name, folder=folder, width=width, report=report).run()
+    window = Window(session, name, folder=folder, width=width, report=report)
+    if record is None:
+        window.run()
+        return
+    window.listener = recorder = Recorder(session, record)
+    try:
+        window.run()
+    finally:
+        recorder.close()

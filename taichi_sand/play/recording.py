@@ -1,0 +1,108 @@
+"""Session recordings: a snapshot, everything that was done and how far it ran in between, and a hash of the state every second.
+
+One line of JSON each, so that a recording is whole up to the moment at which a program was stopped: it doubles as a bug report.
+[actions, steps, wall time] is a frame, {"hash": …} what the state must be there.
+"""
+
+import base64
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taichi_sand.play.screen import Screen
+from taichi_sand.play.session import Session, as_line, pack
+from taichi_sand.play.snapshot import from_bytes
+from taichi_sand.scene.errors import PhysicsError, SandError
+from taichi_sand.scene.schema import Scene
+from taichi_sand.view.film import WRITERS, Progress, destination, put_in_place, scratch_beside
+
+FORMAT = 1
+EVERY = 1.0
+"""Wall time between two hashes [s]."""
+
+
+class Recorder:
+    """Writes down what is done to a session; to be called once a frame."""
+
+    def __init__(self, session: Session, path: Path) -> None:
+        self.session, self.file = session, path.open("w", encoding="utf-8")
+        session.log = []
+        self.started = self.hashed = time.perf_counter()
+        self._line({"taichi_sand recording": FORMAT, "scene": session.sim.scene.to_json(), "start": pack(session.moment())})
+
+    def __call__(self, actions: list, steps: int) -> None:
+        """A frame: these actions, then so many steps."""
+        now = time.perf_counter()
+        if actions or steps:
+            self._line([actions, steps, round(now - self.started, 4)])
+        if now - self.hashed >= EVERY:
+            self.hash()
+            self.hashed = now
+
+    def hash(self) -> None:
+        """The state as it is now."""
+        self._line({"hash": self.session.digest()})
+
+    def close(self) -> None:
+        """The end."""
+        self.hash()
+        self.file.close()
+
+    def _line(self, thing: Any) -> None:
+        self.file.write(as_line(thing) + "\n")
+        self.file.flush()
+
+
+def replay(path: Path, arch: str, threads: int | None) -> Iterator[tuple[Session, float]]:
+    """Does again what a recording holds; the session after every frame, and the wall time of the frame [s].
+
+    Raises:
+        SandError: the file is damaged.
+        PhysicsError: the state is not what it was when it was recorded.
+    """
+    lines = path.read_text("utf-8").splitlines()
+    try:
+        head, *rest = (json.loads(line) for line in lines)
+        start, scene = from_bytes(base64.b64decode(head["start"])), Scene.from_json(head["scene"])
+    except (ValueError, KeyError) as error:
+        raise SandError(f"{path}: the recording is damaged ({type(error).__name__})") from None
+    session = Session(scene, arch=arch, threads=threads)
+    session.go_to(start)
+    session.start = session.moment()
+    for number, line in enumerate(rest, 2):
+        if isinstance(line, dict):
+            if line["hash"] != session.digest():
+                raise PhysicsError(f"{path}: in line {number} the state is not what was recorded")
+            continue
+        actions, steps, wall = line
+        for action in actions:
+            session.do(action)
+        session.advance(steps)
+        yield session, wall
+
+
+def film(path: Path, out: str, *, fps: int, width: int | None, arch: str, threads: int | None, progress: Progress | None = None) -> None:
+    """Films a recording, in the wall time in which it was played."""
+    target, ending = destination(out)
+    if ending == ".png":
+        raise SandError(f"{out}: a recording becomes a film, .mp4 or .gif, or a folder of frames")
+    last = json.loads(path.read_text("utf-8").splitlines()[-2])
+    total = last[2] if isinstance(last, list) else 0.0
+    with scratch_beside(target) as scratch:
+        with WRITERS[ending](scratch / target.name, fps) as write:
+            screen, shown = None, 0
+            for session, wall in replay(path, arch, threads):
+                if screen is None or screen.session is not session:
+                    screen = Screen(session, width or session.sim.scene.view.width)
+                while shown / fps <= wall:
+                    canvas = np.zeros(screen.size[0] * screen.size[1], np.uint32)
+                    picture = screen.paint(canvas, {}, None, "")
+                    write(screen.painter.rgb(picture))
+                    shown += 1
+                if progress and total:
+                    progress(min(1.0, wall / total))
+        put_in_place(scratch / target.name, target, scratch)
