@@ -12,7 +12,7 @@ from PIL import Image
 from playing import Playing
 
 import taichi_sand as sand
-from taichi_sand.play.keys import KEYS
+from taichi_sand.play.keys import KEYS, table
 
 pytestmark = pytest.mark.xdist_group("window")  # one process: the tests share a window and follow one another
 
@@ -294,6 +294,11 @@ def test_the_recording_of_all_this_is_done_again_bit_for_bit_on_two_threads(box:
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert (box.folder / "again.mp4").stat().st_size > 3000
+
+
+def test_the_readme_has_the_keys() -> None:
+    assert table() in (Path(__file__).parents[1] / "README.md").read_text("utf-8")
+    assert len({key.key for key in KEYS}) == len(KEYS)
 
 
 def test_no_display(tmp_path: Path) -> None:
