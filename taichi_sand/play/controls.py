@@ -182,6 +182,7 @@ class Controls:
     def help(self) -> None:
         """Shows the keys, or hides them."""
         self.window.screen.help = not self.window.screen.help
+        self.window.stale = True
 
     def quit(self) -> None:
         """Closes the window."""

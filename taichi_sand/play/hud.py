@@ -94,8 +94,8 @@ def help_sheet(width: int, height: int) -> Sheet:
     step = min(20, (height - 60) // (rows + 2))
     size = min(12, step - 4)
     wide = max(text_tile(key.help, size, TEXT).shape[1] for key in KEYS) + 110
-    left, y = max(4, (width - wide) // 2), max(10, (height - (rows + 2) * step) // 2)
-    sheet.plate(left, y, wide, (rows + 1) * step, PANEL, 8, 0.96)
+    left, y = max(4, (width - wide) // 2), max(10, (height - (rows + 3) * step) // 2)
+    sheet.plate(left, y, wide, (rows + 2) * step, PANEL, 8, 0.96)
     y += step
     for group, keys in texts.items():
         sheet.text(left + 20, y, group.upper(), size - 2, DIM)
