@@ -7,6 +7,7 @@ ti.f64 where the backend has it.
 
 import taichi as ti
 
+from taichi_sand.world.clumps import disc_around, discs_around
 from taichi_sand.world.geometry import distance_to_second, mobility, perp, spin, velocity
 
 MASS, PX, PY, SPIN, KINETIC, POTENTIAL, SPEED2, HEIGHT, LOWEST, MOVING = range(10)
@@ -51,7 +52,6 @@ def place(w: ti.template(), frame: ti.template(), i, real: ti.template()):
 @ti.kernel
 def sum_grains(w: ti.template(), frame: ti.types.ndarray(), sums: ti.types.ndarray(), real: ti.template()):
     """sums[b, column] over the grains of block b that can move; LOWEST over all grains."""
-    g = ti.static(w.grains)
     for b in range(blocks_in_use(w)):
         lowest = ti.cast(1e30, real)
         fastest = ti.cast(0.0, real)
@@ -59,7 +59,9 @@ def sum_grains(w: ti.template(), frame: ti.types.ndarray(), sums: ti.types.ndarr
         for i in range(w.blocks.grain_start[b], w.blocks.grain_end[b]):
             x = place(w, frame, i, real)
             height = x.x * frame[UP] + x.y * frame[UP + 1]
-            lowest = ti.min(lowest, height - g.radius[i])
+            for k in range(discs_around(w, i)):
+                disc = disc_around(w, i, k)
+                lowest = ti.min(lowest, height + disc.x * frame[UP] + disc.y * frame[UP + 1] - disc.z)
             if mobility(w, i).x > 0.0:
                 v = ti.cast(velocity(w, i), real)
                 m = ti.cast(1.0, real) / mobility(w, i).x
@@ -189,16 +191,29 @@ def count_ends(w: ti.template(), least: ti.f32, bearing: ti.types.ndarray(), end
 def deal_area(w: ti.template(), frame: ti.types.ndarray(), cell: ti.f32, filled: ti.types.ndarray(), real: ti.template()):
     """filled[cx, cy] += area of the grains in the cell, in parts of FULL: whole numbers, so that the order does not matter.
 
-    Each disc is spread over POINTS of equal weight on a sunflower spiral.
+    Each disc is spread over POINTS of equal weight on a sunflower spiral; those that lie in an earlier disc of its grain do not count.
     """
     for i in range(w.count[None]):
         x = place(w, frame, i, real)
-        r = w.grains.radius[i]
-        part = ti.cast(3.14159265 * r * r / (cell * cell) / POINTS * FULL, ti.i32)
-        for k in range(POINTS):
-            rho = r * ti.sqrt((ti.cast(k, ti.f32) + 0.5) / POINTS)
-            phi = 2.39996323 * ti.cast(k, ti.f32)
-            cx = ti.cast(ti.floor((x.x + rho * ti.cos(phi)) / cell), ti.i32)
-            cy = ti.cast(ti.floor((x.y + rho * ti.sin(phi)) / cell), ti.i32)
-            if 0 <= cx < filled.shape[0] and 0 <= cy < filled.shape[1]:
-                ti.atomic_add(filled[cx, cy], part)
+        for d in range(discs_around(w, i)):
+            disc = disc_around(w, i, d)
+            part = ti.cast(3.14159265 * disc.z * disc.z / (cell * cell) / POINTS * FULL, ti.i32)
+            for k in range(POINTS):
+                rho = disc.z * ti.sqrt((ti.cast(k, ti.f32) + 0.5) / POINTS)
+                phi = 2.39996323 * ti.cast(k, ti.f32)
+                point = disc.xy + rho * ti.Vector([ti.cos(phi), ti.sin(phi)])
+                at = ti.cast(ti.floor((x + point) / cell), ti.i32)
+                within = 0 <= at.x < filled.shape[0] and 0 <= at.y < filled.shape[1]
+                if within and first_to_cover(w, i, d, point):
+                    ti.atomic_add(filled[at.x, at.y], part)
+
+
+@ti.func
+def first_to_cover(w: ti.template(), i, d, point):
+    """Whether no disc of grain i before disc d covers `point`, seen from the centre of the grain [m]."""
+    first = True
+    for earlier in range(d):
+        disc = disc_around(w, i, earlier)
+        if (point - disc.xy).norm_sqr() < disc.z * disc.z:
+            first = False
+    return first

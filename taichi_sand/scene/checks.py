@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taichi_sand.scene.errors import show
+from taichi_sand.scene.errors import show, suggest
 from taichi_sand.scene.rows import LENGTHS
+from taichi_sand.scene.shapes import BUILT_IN, joined
 
 if TYPE_CHECKING:
-    from taichi_sand.scene.schema import Grains, Scene, Solver, Wall
+    from taichi_sand.scene.schema import Grains, Scene, Shape, Solver, Wall
 
 OWNED = {
     "rigid": ("substeps", "hertz"),
@@ -97,6 +98,17 @@ def _rows(table: "Grains") -> None:
         raise Wrong("radius", " is missing: radius of a disc (m), as a key or as third number of the rows of `positions`")
 
 
+def shape(table: "Shape") -> None:
+    """A name of its own, discs of some size, and one piece."""
+    if table.name in BUILT_IN:
+        raise Wrong("name", f' = "{table.name}" is a shape that there is already')
+    for index, (_, _, radius) in enumerate(table.discs):
+        if not 1e-3 <= radius <= 1e3:
+            raise Wrong(f"discs[{index}]", f" = {show(table.discs[index])}: the radius must lie in 0.001 … 1000")
+    if not joined(table.discs):
+        raise Wrong("discs", " must hang together: each disc must touch or overlap another one")
+
+
 def wall(table: "Wall") -> None:
     """No segment without length: it would have no direction."""
     points = table.points + (table.points[:1] if table.closed else ())
@@ -115,8 +127,14 @@ def scene(table: "Scene") -> None:
         if (getattr(edges, one) == "periodic") != (getattr(edges, other) == "periodic"):
             text = f' = "{getattr(edges, one)}" but edges.{other} = "{getattr(edges, other)}": periodic edges come in opposite pairs'
             raise Wrong(f"edges.{one}", text)
+    names = [*BUILT_IN, *(item.name for item in table.shapes)]
+    for index, item in enumerate(table.shapes):
+        if names.index(item.name) < len(BUILT_IN) + index:
+            raise Wrong(f"shapes[{index}].name", f' = "{item.name}" is the name of two shapes')
     for index, item in enumerate(table.grains):
         name = f"grains[{index}]"
+        if item.shape not in names:
+            raise Wrong(f"{name}.shape", f" = {show(item.shape)} must be one of {', '.join(names)}{suggest(item.shape, names)}")
         if item.positions is not None:
             if table.scale != 1:
                 raise Wrong("scale", f" = {table.scale:g} cannot be had: {name}.positions are exact places")

@@ -7,7 +7,7 @@ import numpy as np
 from taichi_sand.scene.nearby import segments
 from taichi_sand.scene.scatter import DENSEST, Taken, scatter
 from taichi_sand.scene.schema import MOST_GRAINS, Grains, Scene
-from taichi_sand.scene.shapes import disc_inertia, disc_mass
+from taichi_sand.scene.shapes import Form, inertia, mass
 
 LOOSE = 0.5  # part of the free area that fill = "random" covers
 
@@ -20,14 +20,35 @@ class Pack:
     velocity: np.ndarray  # (n, 2) m/s
     angle: np.ndarray  # (n,) rad
     spin: np.ndarray  # (n,) rad/s
-    radius: np.ndarray  # (n,) m
+    radius: np.ndarray  # (n,) m, of the circle about the centre of mass that holds the grain
     mass: np.ndarray  # (n,) kg, of fixed grains too
     inertia: np.ndarray  # (n,) kg m2, of fixed grains too
     kind: np.ndarray  # (n,) int32, which [[grains]] table made it
     fixed: np.ndarray  # (n,) bool
+    forms: tuple[Form, ...] = ()  # of each kind; none = all are discs
 
     def __len__(self) -> int:
         return len(self.radius)
+
+    @property
+    def clumps(self) -> bool:
+        """Whether a grain is anything but a disc."""
+        return any(form.name != "disc" for form in self.forms)
+
+    @property
+    def size(self) -> np.ndarray:
+        """Radii of discs of the same area [m], (n,)."""
+        return self.radius * self._of_kind("size", 1.0)
+
+    @property
+    def lightness(self) -> np.ndarray:
+        """(n,): mass of a grain over the least mass that a push at its rim has to move."""
+        return self._of_kind("lightness", 1.0)
+
+    def _of_kind(self, name: str, otherwise: float) -> np.ndarray:
+        if not self.forms:
+            return np.full(len(self), otherwise)
+        return np.array([getattr(form, name) for form in self.forms])[self.kind]
 
 
 def pack(scene: Scene) -> Pack:
@@ -49,10 +70,12 @@ def pack(scene: Scene) -> Pack:
                 rows[index] = place(scene, index, taken, streams[index])
                 taken.add(rows[index][:, :2], rows[index][:, 2])
     rows |= _random(scene, [index for index in range(len(scene.grains)) if index not in rows], taken, streams, darts)
-    parts = [_pack_table(table, index, rows[index], streams[index]) for index, table in enumerate(scene.grains)]
-    parts = parts or [_pack_table(Grains(radius=1, count=1), 0, np.empty((0, 7)), darts)]
+    parts = [_pack_table(scene, table, index, rows[index], streams[index]) for index, table in enumerate(scene.grains)]
+    parts = parts or [_pack_table(scene, Grains(radius=1, count=1), 0, np.empty((0, 7)), darts)]
     _check_number(scene, 0, sum(map(len, parts)))
-    return Pack(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in Pack.__dataclass_fields__})
+    columns = [name for name in Pack.__dataclass_fields__ if name != "forms"]
+    forms = tuple(scene.form(table.shape) for table in scene.grains)
+    return Pack(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in columns}, forms=forms)
 
 
 def _is_given(table: Grains) -> bool:
@@ -63,9 +86,9 @@ def _is_pattern(table: Grains) -> bool:
     return table.fill in ("lattice", "hexagonal")
 
 
-def _pack_table(table: Grains, index: int, rows: np.ndarray, rng: np.random.Generator) -> Pack:
+def _pack_table(scene: Scene, table: Grains, index: int, rows: np.ndarray, rng: np.random.Generator) -> Pack:
     """Rows x, y, radius, vx, vy, angle, spin (n, 7) and what the table says of all its grains."""
-    count = len(rows)
+    count, form = len(rows), scene.form(table.shape)
     heading, turn = rng.uniform(-np.pi, np.pi, (2, count))
     speed = rng.uniform(*table.speed, count)
     return Pack(
@@ -74,8 +97,8 @@ def _pack_table(table: Grains, index: int, rows: np.ndarray, rng: np.random.Gene
         angle=rows[:, 5] + (turn if table.angle == "random" else float(table.angle)),
         spin=rows[:, 6] + table.spin,
         radius=rows[:, 2].copy(),
-        mass=disc_mass(rows[:, 2], table.density),
-        inertia=disc_inertia(rows[:, 2], table.density),
+        mass=mass(form, rows[:, 2], table.density),
+        inertia=inertia(form, rows[:, 2], table.density),
         kind=np.full(count, index, np.int32),
         fixed=np.full(count, table.fixed),
     )
@@ -83,6 +106,13 @@ def _pack_table(table: Grains, index: int, rows: np.ndarray, rng: np.random.Gene
 
 def _at_rest(places: np.ndarray, radius: np.ndarray) -> np.ndarray:
     return np.concatenate([places, radius[:, None], np.zeros((len(radius), 4))], axis=1)
+
+
+def _reach(scene: Scene, table: Grains) -> tuple[float, float]:
+    """Lowest and highest radius [m] of the circle that holds a grain."""
+    low, high = table.radius
+    reach = scene.form(table.shape).reach
+    return reach * low, reach * high
 
 
 def _box(scene: Scene, table: Grains) -> np.ndarray:
@@ -97,6 +127,7 @@ def _given(scene: Scene, index: int, taken: Taken, rng: np.random.Generator) -> 
     rows[:, : given.shape[1]] = given
     if table.radius is not None:
         rows[:, 2] = rng.uniform(*table.radius, len(given))
+    rows[:, 2] *= scene.form(table.shape).reach
     return rows
 
 
@@ -109,7 +140,7 @@ def _random(
     room = 0
     for index in indices:
         table, box = scene.grains[index], _box(scene, scene.grains[index])
-        low, high = table.radius
+        low, high = _reach(scene, table)
         disc = np.pi * (low**2 + low * high + high**2) / 3  # mean area
         sample = np.random.default_rng(0).uniform(box[:2], box[2:], (4096, 2))
         free = np.prod(box[2:] - box[:2]) * taken.free(sample, np.zeros(len(sample))).mean()
@@ -139,7 +170,7 @@ def _shared(region: np.ndarray, box: np.ndarray) -> float:
 def _pattern(scene: Scene, index: int, taken: Taken, rng: np.random.Generator) -> np.ndarray:
     """Rows (n, 7) of a table with fill = "lattice" or "hexagonal": from the bottom of the region upwards."""
     table = scene.grains[index]
-    low, high = table.radius
+    low, high = _reach(scene, table)
     mean = (low + high) / 2
     pitch = 2 * high if table.pitch is None else table.pitch * 2 * mean
     edge = high + table.jitter * mean  # room that a grain needs around its place

@@ -13,9 +13,11 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PrivateAttr,
 from taichi_sand.scene import checks
 from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.rows import read_rows
+from taichi_sand.scene.shapes import BUILT_IN, Form, form
 from taichi_sand.scene.wording import in_words
 
 MOST_GRAINS = 4_000_000
+MOST_DISCS = 64
 HUGE = 1e12  # 32 bits hold the square of a number, and the products made of it
 
 
@@ -94,11 +96,25 @@ class Solver(Table):
         return self
 
 
+class Shape(Table):
+    """A shape of grains: discs, rigidly joined. Where they overlap, the mass counts once."""
+
+    name: str = key(..., "what `shape` of [[grains]] calls it", min_length=1)
+    discs: tuple[tuple[Number, Number, Number], ...] = key(
+        ..., "x, y and radius of each disc, in units of the `radius` of the grains", "r", min_length=1, max_length=MOST_DISCS
+    )
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        checks.shape(self)
+        return self
+
+
 class Grains(Table):
     """Grains of one kind: their shape, and where they start."""
 
-    shape: Literal["disc"] = key("disc", "shape of a grain")
-    radius: Range | None = key(None, "radius of a disc: a number, or [low, high] to draw from uniformly", "m")
+    shape: str = key("disc", "disc, 2x1, 3x1, triangle, square, or the name of one of [[shapes]]")
+    radius: Range | None = key(None, "radius of a disc, of which a shape has several: a number, or [low, high] to draw from uniformly", "m")
     density: Number = key(2650.0, "mass / area", "kg/m2", ge=1e-6)
     count: Whole | None = key(None, "how many; without `fill`, in random places that do not overlap", ge=1, le=MOST_GRAINS)
     fill: Literal["lattice", "hexagonal", "random"] | None = key(None, "pattern that fills the region, up to `count` if given")
@@ -176,6 +192,7 @@ class Scene(Table):
     )
     edges: Edges = key(Edges(), "what the four sides of the box do")
     solver: Solver = key(Solver(), "how contacts are resolved, and how exactly")
+    shapes: tuple[Shape, ...] = key((), "shapes of grains, besides those that there are")
     grains: tuple[Grains, ...] = key((), "one table for every kind of grain")
     walls: tuple[Wall, ...] = key((), "line obstacles")
     effects: dict[str, dict[str, Any]] = key({}, "a table present = the effect is on")
@@ -213,6 +230,10 @@ class Scene(Table):
         """Name of the file that the scene was read from, or "" if it was made in Python."""
         return self._source
 
+    def form(self, name: str) -> Form:
+        """Returns the shape that grains call `name`."""
+        return form(name, next((item.discs for item in self.shapes if item.name == name), None) or BUILT_IN[name])
+
     def error(self, name: str, text: str) -> SandError:
         """Returns the error "file: key: text" about key `name` of this scene (`solver.step`), to be raised."""
         return SandError(f"{self._source}: {name}: {text}" if self._source else f"{name}: {text}", name)
@@ -231,4 +252,4 @@ class Scene(Table):
 
 
 def _tables() -> dict[str, type[BaseModel]]:
-    return {"": Scene, "edges": Edges, "solver": Solver, "grains": Grains, "walls": Wall, "view": View}
+    return {"": Scene, "edges": Edges, "solver": Solver, "shapes": Shape, "grains": Grains, "walls": Wall, "view": View}

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import taichi as ti
 
+from taichi_sand.world.clumps import head
 from taichi_sand.world.geometry import add, movable, wrench
 from taichi_sand.world.motion import check_speed, drift, fastest_spin, with_body
 from taichi_sand.world.sweep import each_grain, going, sweep
@@ -136,6 +137,8 @@ def runge_kutta(w: ti.template(), s: ti.template(), c: ti.template(), start, end
         g.shift[i] = place.xy
         if ti.static(w.turns):
             g.turn[i] = place.z
+        if ti.static(w.clumps):
+            head(w, i)
     forget_forces(w, start, end)
     if stage == 3:
         drift(w, start, end)

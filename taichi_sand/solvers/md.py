@@ -13,6 +13,7 @@ import taichi as ti
 
 from taichi_sand.solvers.integrators import INTEGRATORS, Stages, allocate_stages
 from taichi_sand.solvers.tolerance import Bed, md_numbers
+from taichi_sand.world.clumps import levers, rim, tilt, torques
 from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, perp, rolling, spin, velocity, wrench
 from taichi_sand.world.tables import World, fill_struct
 
@@ -82,9 +83,15 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
         motion = -velocity(w, i) if ti.static(wall) else velocity(w, j) - velocity(w, i)
         stiffness = elastic_stiffness(s, c, overlap)
         dashpot = damping(s, c, pairs.root_mass[p], overlap)
-        force.x = at_least(0.0, stiffness * overlap - dashpot * motion.dot(normal))
-        arm_i = g.radius[i] - (overlap if ti.static(wall) else 0.5 * overlap)
+        speed = motion.dot(normal)
+        arm_i = rim(w, p, i) - (overlap if ti.static(wall) else 0.5 * overlap)
         arm_j = 0.0 if ti.static(wall) else distance - arm_i
+        lever = ti.Vector([0.0, 0.0, 0.0, 0.0])
+        if ti.static(w.clumps):
+            lever = levers(w, p, i, j, normal, arm_i, arm_j, wall)
+            arm_i, arm_j = lever.x, lever.y
+            speed += tilt(w, i, j, lever, wall)
+        force.x = at_least(0.0, stiffness * overlap - dashpot * speed)
         if ti.static(w.turns):
             slip = motion.dot(perp(normal)) - arm_i * spin(w, i)
             if ti.static(not wall):
@@ -102,9 +109,10 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
             if ti.static(hasattr(effect, "normal")):
                 force.x += effect.normal(w, c, p, overlap)
         push = force.x * normal + force.y * perp(normal)
-        add(g.wrench, i, -wrench(push, arm_i * force.y))
+        taken, given = torques(w, force, arm_i, arm_j, lever)
+        add(g.wrench, i, -wrench(push, taken))
         if ti.static(not wall):
-            add(g.wrench, j, wrench(push, -arm_j * force.y))
+            add(g.wrench, j, wrench(push, given))
     else:
         for effect in ti.static(s.effects):
             if ti.static(hasattr(effect, "release")):

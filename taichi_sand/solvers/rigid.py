@@ -13,8 +13,10 @@ from typing import Any
 
 import taichi as ti
 
+from taichi_sand.solvers.impulses import arms, give, levers_of, slip_by, slip_of, speed_of
 from taichi_sand.solvers.tolerance import Bed, rigid_numbers
-from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, movable, perp, rolling, spin, velocity, within, wrench
+from taichi_sand.world.clumps import torques, weigh
+from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, movable, perp, rolling, velocity, within, wrench
 from taichi_sand.world.motion import drift, with_body
 from taichi_sand.world.sweep import each_grain, going, nothing, sweep
 from taichi_sand.world.tables import World, fill_struct
@@ -106,40 +108,6 @@ def lowest(w: ti.template(), s: ti.template(), c: ti.template(), p, gap, middle)
 
 
 @ti.func
-def arms(w: ti.template(), i, j, gap, wall: ti.template()):
-    """Levers of both grains, from the centre to the contact point; they add up to the distance of the centres.
-
-    A wall that the grain has slid off is FAR, and gives back what it carried at the radius.
-    """
-    arm_i, arm_j = w.grains.radius[i], 0.0
-    if ti.static(wall):
-        arm_i += ti.select(gap < arm_i, gap, 0.0)
-    else:
-        arm_i += 0.5 * gap
-        arm_j = w.grains.radius[j] + 0.5 * gap
-    return arm_i, arm_j
-
-
-@ti.func
-def slip_of(w: ti.template(), i, j, motion, normal, arm_i, arm_j, wall: ti.template()):
-    """Velocity of the second surface along the tangent, as seen from the first [m/s]."""
-    slip = motion.dot(perp(normal)) - arm_i * spin(w, i)
-    if ti.static(not wall):
-        slip -= arm_j * spin(w, j)
-    return slip
-
-
-@ti.func
-def give(w: ti.template(), i, j, impulse, normal, arm_i, arm_j, wall: ti.template()):
-    """Applies an impulse (normal, tangential) [N s] to the second grain of a pair, and its opposite to the first."""
-    g = ti.static(w.grains)
-    push = impulse.x * normal + impulse.y * perp(normal)
-    add(g.twist, i, -wrench(push, arm_i * impulse.y) * g.mobility[i])
-    if ti.static(not wall):
-        add(g.twist, j, wrench(push, -arm_j * impulse.y) * g.mobility[j])
-
-
-@ti.func
 def collide(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
     """Answers the impact of pair p, if it would touch within the step faster than the threshold (physics.md A2, A4).
 
@@ -150,15 +118,16 @@ def collide(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     j = i if ti.static(wall) else pairs.second[p]
     normal, gap = pairs.normal[p], pairs.gap[p]
     motion = -velocity(w, i) if ti.static(wall) else velocity(w, j) - velocity(w, i)
-    speed = motion.dot(normal)
+    lever = levers_of(w, p)
+    speed = speed_of(w, i, j, motion, normal, lever, wall)
     if speed < -c.threshold and speed * c.step + gap < 0.0 and (free(w, i) or free(w, j)):
-        arm_i, arm_j = arms(w, i, j, gap, wall)
+        arm_i, arm_j = arms(w, i, j, gap, lever, wall)
         impulse = ti.Vector([-(1.0 + c.restitution) * pairs.mass[p] * speed, 0.0])
         if ti.static(w.turns):
-            slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall)
+            slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall) + slip_by(w, i, j, impulse.x, arm_i, arm_j, lever, wall)
             bound = cone(w, s, c, p, wall, impulse.x)
             impulse.y = within(bound, -pairs.mass_t[p] * slip)
-        give(w, i, j, impulse, normal, arm_i, arm_j, wall)
+        give(w, i, j, impulse, normal, arm_i, arm_j, lever, wall)
         lowest(w, s, c, p, 0.0, 0.0)  # they touch
         w.pace[None].hit = 1
 
@@ -171,7 +140,8 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     j = i if ti.static(wall) else pairs.second[p]
     normal, gap = pairs.normal[p], pairs.gap[p]
     motion = -velocity(w, i) if ti.static(wall) else velocity(w, j) - velocity(w, i)
-    speed = motion.dot(normal)
+    lever = levers_of(w, p)
+    speed = speed_of(w, i, j, motion, normal, lever, wall)
     carried = pairs.force[p] * c.step
     low = lowest(w, s, c, p, gap, gap + ti.static(0.5 if soft else -0.5) * c.step * speed)
     held = carried.x != 0.0 or low < 0.0
@@ -186,12 +156,12 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
                 want = pairs.mass[p] * c.mass_scale * (speed + bias)
                 want += c.impulse_scale * (carried.x - s.reference[p] * c.step)
         new = ti.Vector([at_least(low, carried.x - want), 0.0])
-        arm_i, arm_j = arms(w, i, j, gap, wall)
+        arm_i, arm_j = arms(w, i, j, gap, lever, wall)
         if ti.static(w.turns):
-            slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall)
+            slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall) + slip_by(w, i, j, new.x - carried.x, arm_i, arm_j, lever, wall)
             bound = cone(w, s, c, p, wall, new.x - low)
             new.y = within(bound, carried.y - pairs.mass_t[p] * slip)
-        give(w, i, j, new - carried, normal, arm_i, arm_j, wall)
+        give(w, i, j, new - carried, normal, arm_i, arm_j, lever, wall)
         resist_rolling(w, s, c, p, i, j, new.x - low, wall)
         carried = new
         pairs.force[p] = carried * c.rate
@@ -225,8 +195,11 @@ def solve(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.temp
 @ti.func
 def look(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
     """Normal and gap of pair p, where its grains have moved to."""
-    distance, normal = distance_to_second(w, p, w.pairs.first[p], wall)
+    i = w.pairs.first[p]
+    distance, normal = distance_to_second(w, p, i, wall)
     w.pairs.normal[p], w.pairs.gap[p] = normal, distance - w.pairs.contact_distance[p]
+    if ti.static(w.clumps):
+        weigh(w, p, i, i if ti.static(wall) else w.pairs.second[p], wall)
 
 
 @ti.func
@@ -248,11 +221,13 @@ def lay_by(w: ti.template(), s: ti.template(), c: ti.template(), p, carried, wal
         i = pairs.first[p]
         j = i if ti.static(wall) else pairs.second[p]
         normal, gap = pairs.normal[p], pairs.gap[p]
-        arm_i, arm_j = arms(w, i, j, gap, wall)
+        lever = levers_of(w, p)
+        arm_i, arm_j = arms(w, i, j, gap, lever, wall)
         push = carried.x * normal + carried.y * perp(normal)
-        add(g.wrench, i, -wrench(push, arm_i * carried.y))
+        taken, given = torques(w, carried, arm_i, arm_j, lever)
+        add(g.wrench, i, -wrench(push, taken))
         if ti.static(not wall):
-            add(g.wrench, j, wrench(push, -arm_j * carried.y))
+            add(g.wrench, j, wrench(push, given))
         for effect in ti.static(s.effects):
             if ti.static(hasattr(effect, "spin_cone")):
                 add(g.wrench, i, -couple(effect.torque[p] * c.step))

@@ -46,9 +46,9 @@ WINDOW = 16
 class Bed:
     """What the tolerance has to do with: grains and their load."""
 
-    diameter: float  # mean [m]
+    diameter: float  # mean, of discs of the same area [m]
     mass: float  # mean [kg]
-    least_mass: float  # [kg]
+    least_mass: float  # that a contact may have to move, levers included [kg]
     depth: float  # of the pile, in grains
     gravity: float  # [m/s2]
     speed: float  # fastest grain at the start [m/s]
@@ -63,11 +63,11 @@ def bed_of(pack: Pack, gravity: tuple[float, float]) -> Bed:
     if not len(pack.radius):
         return Bed(1.0, 1.0, 1.0, 1.0, float(np.hypot(*gravity)), 0.0)
     free = ~pack.fixed if (~pack.fixed).any() else np.ones_like(pack.fixed)
-    radius, mass = pack.radius[free], pack.mass[free]
+    radius, mass = pack.size[free], pack.mass[free]
     diameter = 2 * float(radius.mean())
     speed = float(np.hypot(*pack.velocity.T).max())
     depth = depth_of(pack.position[free], radius, gravity)
-    return Bed(diameter, float(mass.mean()), float(mass.min()), depth, float(np.hypot(*gravity)), speed)
+    return Bed(diameter, float(mass.mean()), float((mass / pack.lightness[free]).min()), depth, float(np.hypot(*gravity)), speed)
 
 
 def depth_of(position: np.ndarray, radius: np.ndarray, gravity: tuple[float, float]) -> float:

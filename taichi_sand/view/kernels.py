@@ -8,6 +8,7 @@ import taichi as ti
 
 from taichi_sand.measure.structure import block_count
 from taichi_sand.view.shapes import disc, lighter, line, mix
+from taichi_sand.world.clumps import disc_around, discs_around, turned
 from taichi_sand.world.geometry import mobility, movable, position
 from taichi_sand.world.tables import CHUNK
 
@@ -106,7 +107,8 @@ def list_disc(k, i, x, y, r, angle, width, height, discs: ti.template(), owner: 
 @ti.kernel
 def place_discs(w: ti.template(), scale: ti.f32, width: ti.i32, height: ti.i32, discs: Rows, owner: Integers, bands: Spans) -> ti.i32:
     """Lists the discs that can be seen: x, y, radius, angle; which grain each shows; for each band of columns the first one and
-    the one after the last. A grain that reaches over a periodic edge is listed on both sides. Returns the number of discs.
+    the one after the last. A grain that reaches over a periodic edge is listed on both sides; one of several discs has no spoke.
+    Returns the number of discs.
     """
     placed = 0
     ti.loop_config(serialize=True)
@@ -115,16 +117,18 @@ def place_discs(w: ti.template(), scale: ti.f32, width: ti.i32, height: ti.i32, 
             bands[s, 0], bands[s, 1] = NO_ROW, 0
         for i in range(w.count[None]):
             place, size = position(w, i), w.box[None].size
-            r = ti.cast(w.grains.radius[i], ti.f32) * scale * SHOWN_RADIUS
             angle = NO_SPOKE
             if ti.static(w.turns):
-                if mobility(w, i).z > 0.0:
+                if mobility(w, i).z > 0.0 and discs_around(w, i) == 1:
                     angle = ti.cast(w.grains.angle[i] + w.grains.turn[i], ti.f32)
             for across in ti.static((-1, 0, 1) if w.periodic[0] else (0,)):
                 for up in ti.static((-1, 0, 1) if w.periodic[1] else (0,)):
-                    x = ti.cast(place.x + across * size.x, ti.f32) * scale
-                    y = ti.cast(height, ti.f32) - ti.cast(place.y + up * size.y, ti.f32) * scale
-                    placed = list_disc(placed, i, x, y, r, angle, width, height, discs, owner, bands)
+                    for k in range(discs_around(w, i)):
+                        one = disc_around(w, i, k)
+                        r = ti.cast(one.z, ti.f32) * scale * SHOWN_RADIUS
+                        x = ti.cast(place.x + one.x + across * size.x, ti.f32) * scale
+                        y = ti.cast(height, ti.f32) - ti.cast(place.y + one.y + up * size.y, ti.f32) * scale
+                        placed = list_disc(placed, i, x, y, r, angle, width, height, discs, owner, bands)
     return placed
 
 
@@ -176,15 +180,24 @@ def place_forces(w: ti.template(), scale: ti.f32, height: ti.i32, lines: Rows, f
 
 
 @ti.func
+def centre(w: ti.template(), p, i, second: ti.template()):
+    """Centre of the disc of grain i that pair p is about [m]."""
+    place = position(w, i)
+    if ti.static(w.clumps):
+        place += turned(w, i, w.pairs.arms[p].zw if ti.static(second) else w.pairs.arms[p].xy)
+    return place
+
+
+@ti.func
 def list_force(w: ti.template(), p, scale, height, lines: ti.template(), forces: ti.template(), k, wall: ti.template()):
     """Lists pair p, twice if it reaches over a periodic edge. Returns the next row."""
     force = ti.cast(w.pairs.force[p].x, ti.f32)
     length = ti.cast(w.pairs.contact_distance[p] + w.pairs.gap[p], ti.f32) * scale
     way = length * ti.cast(w.pairs.normal[p], ti.f32)
-    start = ti.cast(position(w, w.pairs.first[p]), ti.f32) * scale
+    start = ti.cast(centre(w, p, w.pairs.first[p], False), ti.f32) * scale
     row = list_line(k, start.x, height - start.y, way, force, lines, forces)
     if ti.static(not wall and (w.periodic[0] or w.periodic[1])):
-        end = ti.cast(position(w, w.pairs.second[p]), ti.f32) * scale
+        end = ti.cast(centre(w, p, w.pairs.second[p], True), ti.f32) * scale
         if (end - start - way).norm() > 0.5 * length + 1.0:
             row = list_line(row, end.x, height - end.y, -way, force, lines, forces)
     return row

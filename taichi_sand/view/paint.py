@@ -8,7 +8,7 @@ import numpy as np
 from taichi_sand.scene.errors import SandError
 from taichi_sand.view import kernels, palette
 from taichi_sand.view.views import KIND, PERCENTILE, VIEWS, Range, check_view, quantile
-from taichi_sand.world.tables import World
+from taichi_sand.world.tables import PAIRS_PER_GRAIN, World
 
 REFERENCE_WIDTH = 720
 """Walls and force chains have their nominal widths [px] in a picture this wide, and grow with it."""
@@ -104,13 +104,14 @@ class Painter:
     def _allocate(self) -> None:
         """Lists that the kernels fill. Where edges are periodic a grain may be seen up to four times."""
         capacity = self.world.capacity
-        copies = 4 if any(self.world.periodic) else 1
+        discs = self.world.rows // PAIRS_PER_GRAIN  # most of a grain
+        copies = (4 if any(self.world.periodic) else 1) * discs
         self._values, self._moving = np.zeros(capacity, np.float32), np.zeros(capacity, np.float32)
         self._colours = np.zeros(capacity, np.uint32)
         self._discs, self._owner = np.zeros((copies * capacity, 4), np.float32), np.zeros(copies * capacity, np.int32)
         self._bands = np.zeros((kernels.BANDS, 2), np.int32)
-        self._lines = np.zeros((LINES_PER_GRAIN * capacity, 4), np.float32)
-        self._forces = np.zeros(LINES_PER_GRAIN * capacity, np.float32)
+        self._lines = np.zeros((LINES_PER_GRAIN * discs * capacity, 4), np.float32)
+        self._forces = np.zeros(LINES_PER_GRAIN * discs * capacity, np.float32)
         self._canvas = np.zeros(self.width * self.height, np.uint32)
 
     def _chain_widths(self) -> tuple[float, float]:

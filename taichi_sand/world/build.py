@@ -8,6 +8,7 @@ import taichi as ti
 
 from taichi_sand.scene.packing import Pack
 from taichi_sand.world import flags
+from taichi_sand.world.clumps import build_shapes
 from taichi_sand.world.grid import allocate_grid
 from taichi_sand.world.naps import allocate_naps
 from taichi_sand.world.pairs import LEAST_SKIN, LEAST_SLACK, MOST_REACH, MOST_SKIN, MOST_SLACK
@@ -41,11 +42,11 @@ def lay_lattice(size: tuple[float, float], diameter: float, count: int) -> tuple
     return tuple(side / n for side, n in zip(size, sites, strict=True)), sites
 
 
-def check_periodic(scene: Any, radius: np.ndarray, reach: float) -> None:
+def check_periodic(scene: Any, pack: Pack, reach: float) -> None:
     """SandError if a periodic axis has room for less than three of the widest cells: a search could then pair two grains twice."""
-    if not len(radius):
+    if not len(pack):
         return
-    least = 3.001 * (2 * float(radius.max()) + (MOST_SKIN + MOST_SLACK + reach) * 2 * float(radius.mean()))
+    least = 3.001 * (2 * float(pack.radius.max()) + (MOST_SKIN + MOST_SLACK + reach) * 2 * float(pack.size.mean()))
     for axis, side, length in (("x", "left", scene.size[0]), ("y", "bottom", scene.size[1])):
         if getattr(scene.edges, side) == "periodic" and length < least:
             text = f"{length:g} m is too short for a box periodic along {axis}; these grains need at least {least:.3g} m"
@@ -68,6 +69,11 @@ def lay_walls(scene: Any, spacing: tuple[float, float], sites: tuple[int, int], 
     return build_walls(parts, spacing, sites, reach, real)
 
 
+def most_discs(pack: Pack) -> int:
+    """Discs of the grain that has most."""
+    return max((len(form.discs) for form in pack.forms), default=1)
+
+
 def make_world(
     scene: Any, pack: Pack, extra: int, turns: bool, gpu: bool, room: int = 0, sleeps: bool = False, reach: float = 0.0
 ) -> World:
@@ -75,8 +81,8 @@ def make_world(
     real = ti.f64 if scene.solver.precision == 64 else ti.f32
     count = len(pack.radius)
     capacity = round_up(count + room + 1)
-    radius = pack.radius if count else np.array([0.01 * min(scene.size)])
-    largest, diameter = 2 * float(radius.max()), 2 * float(radius.mean())
+    radius, size = (pack.radius, pack.size) if count else 2 * (np.array([0.01 * min(scene.size)]),)
+    largest, diameter = 2 * float(radius.max()), 2 * float(size.mean())
     edges = [getattr(scene.edges, side) for side in SIDES]
     periodic = (edges[0] == "periodic", edges[2] == "periodic")
     spacing, sites = lay_lattice(scene.size, diameter, capacity)
@@ -84,12 +90,12 @@ def make_world(
     layout = "cells" if gpu else "strips" if count >= STRIPS_FROM else "one"
     cells = round_up(cells + 1)
     blocks = {"one": 1, "strips": STRIPS, "cells": cells}[layout]
-    wall_half = WALL_PAIRS_PER_GRAIN * capacity
     lanes = LANES[layout]
-    wall_base = PAIRS_PER_GRAIN * (capacity + lanes * min(blocks, STRIPS))
+    rows, wall_rows = (per_disc * most_discs(pack) for per_disc in (PAIRS_PER_GRAIN, WALL_PAIRS_PER_GRAIN))
+    wall_half, wall_base = wall_rows * capacity, rows * (capacity + lanes * min(blocks, STRIPS))
     world = World(
-        grains=allocate_grains(real, capacity),
-        pairs=allocate_pairs(real, capacity, wall_base + wall_half, extra, 3 if sleeps else 2),
+        grains=allocate_grains(real, capacity, pack.clumps),
+        pairs=allocate_pairs(real, capacity, wall_base + wall_half, wall_half, extra, 3 if sleeps else 2, pack.clumps),
         blocks=allocate_blocks(blocks + sleeps, lanes),
         grid=allocate_grid(real, capacity, cells),
         walls=lay_walls(scene, spacing, sites, largest / 2 + (MOST_REACH + reach) * diameter, real),
@@ -103,9 +109,13 @@ def make_world(
         half=wall_base + wall_half,
         wall_base=wall_base,
         wall_half=wall_half,
-        turns=turns,
         sleeps=sleeps,
         naps=allocate_naps(real, capacity, sites) if sleeps else None,
+        turns=turns or pack.clumps,
+        clumps=pack.clumps,
+        shapes=build_shapes(pack.forms, real) if pack.clumps else None,
+        rows=rows,
+        wall_rows=wall_rows,
         layout=layout,
         lanes=lanes,
         real=real,
@@ -148,7 +158,7 @@ def read_grains(world: World) -> dict[str, np.ndarray]:
     """Grains present, in the order in which the scene made them: position, velocity, angle, spin, radius, id, … (SI, f64)."""
     g, count = world.grains, world.count[None]
     spacing = np.array(world.box[None].spacing.to_list())
-    table = {name: getattr(g, name).to_numpy()[:count] for name in g._fields}
+    table = {name: column.to_numpy()[:count] for name, column in g._asdict().items() if column is not None}
     order = np.argsort(table["id"], kind="stable")
     table = {name: values[order] for name, values in table.items()}
     exact = {name: table[name].astype(np.float64) for name in ("site", "offset", "shift", "angle", "turn")}

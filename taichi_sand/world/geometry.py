@@ -2,6 +2,8 @@
 
 import taichi as ti
 
+from taichi_sand.world.clumps import turned
+
 
 @ti.func
 def add(column: ti.template(), i, x):
@@ -71,6 +73,12 @@ def at_least(low, x):
 
 
 @ti.func
+def at_most(high, x):
+    """The smaller of both."""
+    return ti.select(x < high, x, high)
+
+
+@ti.func
 def within(bound, x):
     """x, cut to -bound … bound."""
     cut = ti.select(x < bound, x, bound)
@@ -112,34 +120,43 @@ def wall_row(w: ti.template(), p):
 
 
 @ti.func
+def moved(w: ti.template(), p, i, second: ti.template()):
+    """Shift of grain i of pair p since the search; of a clump plus the arm of its disc."""
+    shift = w.grains.shift[i]
+    if ti.static(w.clumps):
+        shift += turned(w, i, w.pairs.arms[p].zw if ti.static(second) else w.pairs.arms[p].xy)
+    return shift
+
+
+@ti.func
 def distance_to_second(w: ti.template(), p, i, wall: ti.template()):
-    """Distance [m] from the centre of grain i, first of pair p, to the second: a centre, or the nearest point of a wall.
+    """Distance [m] from the centre of the disc of grain i, first of pair p, to the second: a centre, or the nearest point of a wall.
 
     Returns the distance and the unit normal towards the second. A grain whose centre has crossed a wall gets a negative distance
     and is still pushed back to its side. A wall that does not face the grain is far away, and its side is wherever the grain is.
     """
     pairs = ti.static(w.pairs)
-    g = ti.static(w.grains)
     normal = ti.Vector([0.0, 0.0])
     distance = 0.0
     if ti.static(wall):
         q = wall_row(w, p)
         along, side, bounds = pairs.along[q], pairs.side[q], pairs.bounds[q]
-        rest = pairs.reach[p] - g.shift[i]
+        shift = moved(w, p, i, False)
+        rest = pairs.reach[p] - shift
         if side == 0.0:
             distance = ti.sqrt(rest.dot(rest)) + 1e-30
             normal = rest / distance
             if rest.dot(along) > 0.0 or rest.dot(bounds) > 0.0:
                 distance = 1e30
         else:
-            slid = along.dot(g.shift[i])
+            slid = along.dot(shift)
             normal = -side * perp(along)
             distance = rest.dot(normal)
             if slid < bounds.x or slid > bounds.y:
                 distance = 1e30
                 pairs.side[q] = ti.select(rest.dot(perp(along)) < 0.0, 1.0, -1.0)
     else:
-        rest = pairs.reach[p] + (g.shift[pairs.second[p]] - g.shift[i])
+        rest = pairs.reach[p] + (moved(w, p, pairs.second[p], True) - moved(w, p, i, False))
         square = rest.dot(rest) + 1e-30
         inverse = 1.0 / ti.sqrt(square)
         normal = rest * inverse

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import taichi as ti
 
+from taichi_sand.world.clumps import head
 from taichi_sand.world.flags import ESCAPED, flag
 from taichi_sand.world.geometry import position, present, velocity
 from taichi_sand.world.tables import STRIPS
@@ -163,6 +164,9 @@ def permute(w: ti.template(), count):
         g.offset[i], g.start_velocity[i] = ti.Vector([n[0], n[1]]), ti.Vector([n[2], n[3]])
         g.twist[i], g.mobility[i] = ti.Vector([n[4], n[5], n[6], n[7]]), ti.Vector([n[8], n[9], n[10], n[11]])
         g.wrench[i], g.radius[i], g.angle[i] = ti.Vector([n[12], n[13], n[14], n[15]]), n[16], n[17]
+        if ti.static(w.clumps):
+            g.start_spin[i] = n[6]
+            head(w, i)
         p = position(w, i)
         grid.flight[i] = ti.Vector([p.x, p.y, n[4], n[5]])
     if ti.static(w.sleeps):

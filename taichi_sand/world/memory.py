@@ -2,30 +2,42 @@
 
 import taichi as ti
 
+from taichi_sand.world.clumps import MOST
 from taichi_sand.world.geometry import wall_row
+
+
+@ti.func
+def discs_of(w: ti.template(), row):
+    """Which discs of its grains a row is about."""
+    discs = 0
+    if ti.static(w.clumps):
+        discs = w.pairs.discs[row]
+    return discs
 
 
 @ti.func
 def remember(w: ti.template(), row, i, j):
     """Gives the pair of i and j the memory it had before the search; none if it is new."""
-    old = recall(w, w.pairs.row_start, w.pairs.row_count, w.grid.source[i], w.grid.source[j], w.lanes)
+    discs = discs_of(w, row)
+    old = recall(w, w.pairs.row_start, w.pairs.row_count, w.grid.source[i], w.grid.source[j], discs, w.lanes)
     if old < 0:
-        old = recall(w, w.pairs.row_start, w.pairs.row_count, w.grid.source[j], w.grid.source[i], w.lanes)
+        discs = discs % MOST * MOST + discs // MOST
+        old = recall(w, w.pairs.row_start, w.pairs.row_count, w.grid.source[j], w.grid.source[i], discs, w.lanes)
     carry(w, row, old)
 
 
 @ti.func
 def remember_wall(w: ti.template(), row, i, part, two_sided):
     """The same for a pair with a wall; a grain also remembers on which side of a line it was."""
-    old = recall(w, w.pairs.wall_row_start, w.pairs.wall_row_count, w.grid.source[i], part, 1)
+    old = recall(w, w.pairs.wall_row_start, w.pairs.wall_row_count, w.grid.source[i], part, discs_of(w, row), 1)
     if old >= 0 and two_sided:
         w.pairs.side[wall_row(w, row)] = w.pairs.side[wall_row(w, old)]
     carry(w, row, old)
 
 
 @ti.func
-def recall(w: ti.template(), row_start: ti.template(), row_count: ti.template(), first, second, apart: ti.template()):
-    """Row of the search before that held (first, second), slots of that search; -1 if there is none."""
+def recall(w: ti.template(), row_start: ti.template(), row_count: ti.template(), first, second, discs, apart: ti.template()):
+    """Row of the search before that held these discs of (first, second), slots of that search; -1 if there is none."""
     found = -1
     slot = (1 - w.pace[None].half) * w.capacity + first
     step = apart
@@ -33,7 +45,7 @@ def recall(w: ti.template(), row_start: ti.template(), row_count: ti.template(),
         step = 1 if row_start[slot] >= 2 * w.half else apart  # frozen pairs follow one another
     for k in range(row_count[slot]):
         row = row_start[slot] + k * step
-        if w.pairs.second[row] == second:
+        if w.pairs.second[row] == second and discs_of(w, row) == discs:
             found = row
     return found
 

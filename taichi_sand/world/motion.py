@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from taichi_sand.world.clumps import head, off_arc, span
 from taichi_sand.world.flags import NOT_FINITE, TOO_FAST, flag
 from taichi_sand.world.geometry import add, at_least, spin, velocity
 
@@ -16,14 +17,18 @@ def guarded(w: ti.template(), i):
     cap = w.pace[None].speed_cap
     v = velocity(w, i)
     square = v.dot(v)
+    if ti.static(w.clumps):
+        square += (spin(w, i) * span(w, i)) ** 2
     twist = g.twist[i]
     if not (square >= 0.0) or not (spin(w, i) * spin(w, i) >= 0.0):
         twist = ti.Vector([0.0, 0.0, 0.0, 0.0])
         flag(w, NOT_FINITE, g.id[i])
     else:
-        slow = v * ti.min(1.0, cap / ti.sqrt(square + 1e-30))
-        most = fastest_spin(w)
-        twist = ti.Vector([slow.x, slow.y, ti.min(most, ti.max(-most, spin(w, i))), 0.0])
+        share = ti.min(1.0, cap / ti.sqrt(square + 1e-30))
+        turn, most = spin(w, i), fastest_spin(w)
+        if ti.static(w.clumps):
+            turn *= share
+        twist = ti.Vector([v.x * share, v.y * share, ti.min(most, ti.max(-most, turn)), 0.0])
         flag(w, TOO_FAST, g.id[i])
     return twist
 
@@ -48,7 +53,10 @@ def with_body(w: ti.template(), s: ti.template(), c: ti.template(), i, load, tim
 def check_speed(w: ti.template(), i, cap, most_spin):
     """Sees to it that the motion of grain i can be followed: no faster than `cap` [m/s] and `most_spin` [rad/s]."""
     v = velocity(w, i)
-    if not (v.dot(v) <= cap * cap) or not (spin(w, i) * spin(w, i) <= most_spin * most_spin):
+    square = v.dot(v)
+    if ti.static(w.clumps):
+        square += (spin(w, i) * span(w, i)) ** 2
+    if not (square <= cap * cap) or not (spin(w, i) * spin(w, i) <= most_spin * most_spin):
         w.grains.twist[i] = guarded(w, i)
 
 
@@ -67,9 +75,13 @@ def drift(w: ti.template(), start, end):
         shift = g.shift[i] + v * step
         g.shift[i] = shift
         off = shift - g.start_velocity[i] * time
-        off_path = at_least(off_path, off.dot(off))
+        away = off.dot(off)
         if ti.static(w.turns):
             add(g.turn, i, spin(w, i) * step)
+        if ti.static(w.clumps):
+            head(w, i)
+            away = (ti.sqrt(away) + off_arc(w, i, time)) ** 2
+        off_path = at_least(off_path, away)
     ti.atomic_max(w.pace[None].off_path, off_path)
 
 

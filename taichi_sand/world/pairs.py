@@ -6,12 +6,14 @@ holds until the horizon is reached or a grain has left its foreseen path by half
 
 import taichi as ti
 
-from taichi_sand.world.flags import PAIRS_FULL, WALL_PAIRS_FULL, flag
-from taichi_sand.world.geometry import distance_to_second, mobility, present, velocity, wall_row
+from taichi_sand.world.clumps import MOST, disc_count, disc_of, turned, weigh
+from taichi_sand.world.flags import PAIRS_FULL, flag
+from taichi_sand.world.geometry import mobility, perp, present, spin, velocity
 from taichi_sand.world.grid import anchor, cell_of, cut_blocks, lay_cells, outside, permute, sort
-from taichi_sand.world.memory import carry, remember, remember_wall
+from taichi_sand.world.memory import carry, remember
 from taichi_sand.world.naps import call, settle, site_of, translate
-from taichi_sand.world.tables import CHUNK, FAR, PAIRS_PER_GRAIN, STRIPS, WALL_PAIRS_PER_GRAIN
+from taichi_sand.world.tables import CHUNK, FAR, STRIPS
+from taichi_sand.world.wall_pairs import list_walls
 
 LEAST_SKIN, MOST_SKIN = 0.04, 0.5
 LEAST_SLACK, MOST_SLACK = 0.10, 2.0
@@ -73,11 +75,11 @@ def list_block(w: ti.template(), b):
     start = blocks.grain_start[b]
     count = blocks.grain_end[b] - start
     run = (count + lanes - 1) // lanes
-    top = half * w.half + PAIRS_PER_GRAIN * (start + (0 if ti.static(lanes == 1) else lanes * b))
-    last = top + PAIRS_PER_GRAIN * run * lanes
-    q = half * w.half + w.wall_base + WALL_PAIRS_PER_GRAIN * start
+    top = half * w.half + w.rows * (start + (0 if ti.static(lanes == 1) else lanes * b))
+    last = top + w.rows * run * lanes
+    q = half * w.half + w.wall_base + w.wall_rows * start
     blocks.pair_start[b], blocks.wall_start[b] = top, q
-    last_q = q + WALL_PAIRS_PER_GRAIN * count
+    last_q = q + w.wall_rows * count
     end = top
     for lane in range(lanes):
         p = top + lane
@@ -205,88 +207,63 @@ def list_sleepers(w: ti.template(), i, p, last, lanes: ti.template()):
 
 @ti.func
 def list_pair(w: ti.template(), i, j, row, last, lanes: ti.template()):
-    """Lists grains i and j if, looked at closely, they may meet. Returns the next row."""
+    """Lists the discs of grains i and j that, looked at closely, may meet. Returns the next row."""
     g = ti.static(w.grains)
-    pairs = ti.static(w.pairs)
     box = w.box[None]
     hop = g.site[j] - g.site[i]
     for k in ti.static(range(2)):
         if ti.static(w.periodic[k]):
             hop[k] -= box.sites[k] * ti.cast(ti.floor(ti.cast(hop[k], w.real) / box.sites[k] + 0.5), ti.i32)
     reach = ti.cast(hop, w.real) * box.spacing + (g.offset[j] - g.offset[i])
-    radii = g.radius[i] + g.radius[j]
     give = mobility(w, i) + mobility(w, j)
     next_row = row
-    if give.x > 0.0 and may_meet(reach, velocity(w, j) - velocity(w, i), radii + box.bridge + w.pace[None].skin, w.pace[None].horizon):
+    if give.x > 0.0:
+        if ti.static(w.clumps):
+            for a in range(disc_count(w, i)):
+                for b in range(disc_count(w, j)):
+                    next_row = list_discs(w, i, j, a, b, reach, give.x, next_row, last, lanes)
+        else:
+            next_row = list_discs(w, i, j, 0, 0, reach, give.x, next_row, last, lanes)
+    return next_row
+
+
+@ti.func
+def list_discs(w: ti.template(), i, j, a, b, reach, weight, row, last, lanes: ti.template()):
+    """Lists disc a of grain i and disc b of grain j, `reach` from grain to grain, if they may meet. Returns the next row."""
+    g = ti.static(w.grains)
+    pairs = ti.static(w.pairs)
+    rims = ti.Vector([g.radius[i], g.radius[j]])
+    apart, motion = reach, velocity(w, j) - velocity(w, i)
+    one, two = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
+    if ti.static(w.clumps):
+        one, two = disc_of(w, i, a), disc_of(w, j, b)
+        arm_i, arm_j = turned(w, i, one.xy), turned(w, j, two.xy)
+        apart += arm_j - arm_i
+        motion += spin(w, j) * perp(arm_j) - spin(w, i) * perp(arm_i)
+        rims = ti.Vector([one.z, two.z])
+    radii = rims.x + rims.y
+    next_row = row
+    if may_meet(apart, motion, radii + w.box[None].bridge + w.pace[None].skin, w.pace[None].horizon):
         if row >= last:
             flag(w, PAIRS_FULL, g.id[i])
         else:
             pairs.first[row], pairs.second[row] = i, j
             pairs.reach[row] = reach
             pairs.contact_distance[row] = radii
-            turning = mobility(w, i).z * g.radius[i] ** 2 + mobility(w, j).z * g.radius[j] ** 2
-            pairs.mass[row], pairs.mass_t[row] = 1.0 / give.x, 1.0 / (give.x + turning)
-            pairs.root_mass[row] = ti.sqrt(1.0 / give.x)
-            pairs.normal[row] = reach / (reach.norm() + 1e-30)
-            pairs.gap[row] = reach.norm() - radii
+            pairs.normal[row] = apart / (apart.norm() + 1e-30)
+            pairs.gap[row] = apart.norm() - radii
+            if ti.static(w.clumps):
+                pairs.discs[row] = a * MOST + b
+                pairs.arms[row] = ti.Vector([one.x, one.y, two.x, two.y])
+                pairs.rims[row] = rims
+                weigh(w, row, i, j, False)
+            else:
+                turning = mobility(w, i).z * g.radius[i] ** 2 + mobility(w, j).z * g.radius[j] ** 2
+                pairs.mass[row], pairs.mass_t[row] = 1.0 / weight, 1.0 / (weight + turning)
+                pairs.root_mass[row] = ti.sqrt(1.0 / weight)
             remember(w, row, i, j)
             next_row = row + lanes
     return next_row
-
-
-@ti.func
-def list_walls(w: ti.template(), i, q, last):
-    """Lists grain i with the parts of walls that it may meet. Returns the next row."""
-    g = ti.static(w.grains)
-    walls = ti.static(w.walls)
-    pace = w.pace[None]
-    near = g.radius[i] + w.box[None].bridge + pace.skin + velocity(w, i).norm() * pace.horizon
-    row = q
-    sites = w.box[None].sites
-    place = ti.min(ti.max(g.site[i], 0), sites - 1)
-    over = ti.cast(g.site[i] - place, w.real) * w.box[None].spacing + g.offset[i]
-    if g.mobility[i].x > 0.0:
-        site = place.x * sites.y + place.y
-        for e in range(walls.start[site], walls.start[site + 1]):
-            along, bounds, side = walls.along[e], walls.bounds[e], walls.side[e]
-            reach = walls.point[e] - over
-            beyond = 0.0
-            if side >= 0:
-                slid = -along.dot(reach)
-                reach += slid * along
-                bounds -= slid
-                beyond = ti.max(bounds.x, -bounds.y, 0.0)
-            if reach.dot(reach) + beyond * beyond < near * near or (side == 1 and along.cross(reach) > 0.0):
-                if row >= last:
-                    flag(w, WALL_PAIRS_FULL, g.id[i])
-                else:
-                    write_wall_row(w, row, i, walls.part[e], reach, along, bounds, side)
-                    row += 1
-    return row
-
-
-@ti.func
-def write_wall_row(w: ti.template(), row, i, part, reach, along, bounds, kind):
-    """One row of the pair table for grain i and a wall part."""
-    g = ti.static(w.grains)
-    pairs = ti.static(w.pairs)
-    pairs.first[row], pairs.second[row] = i, part
-    pairs.reach[row] = reach
-    pairs.contact_distance[row] = g.radius[i]
-    pairs.mass[row] = 1.0 / g.mobility[i].x
-    pairs.root_mass[row] = ti.sqrt(pairs.mass[row])
-    pairs.mass_t[row] = 1.0 / (g.mobility[i].x + g.mobility[i].z * g.radius[i] ** 2)
-    k = wall_row(w, row)
-    pairs.along[k], pairs.bounds[k] = along, bounds
-    side = 0.0
-    if kind == 1:
-        side = 1.0
-    elif kind == 0:
-        side = -1.0 if along.cross(reach) > 0.0 else 1.0
-    pairs.side[k] = side
-    remember_wall(w, row, i, part, kind == 0)
-    distance, normal = distance_to_second(w, row, i, True)
-    pairs.normal[row], pairs.gap[row] = normal, distance - g.radius[i]
 
 
 @ti.func

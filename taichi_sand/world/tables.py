@@ -20,7 +20,7 @@ STRIPS = 64
 CHUNK = 512
 """Taichi gives a CPU thread at least so many indices of a parallel loop: a loop over blocks takes steps of CHUNK to be dealt out at all."""
 PAIRS_PER_GRAIN = 6
-"""Room in the pair table per grain: equal discs have 3 pairs each (a pair is listed once), the rest is for the skin and small grains."""
+"""Room in the pair table per disc: equal discs have 3 pairs each (a pair is listed once), the rest is for the skin and small grains."""
 WALL_PAIRS_PER_GRAIN = 3
 LANES = {"one": 8, "strips": 2, "cells": 1}
 """A block's grains are dealt into this many runs, and its pairs are stored one of each run in turn: consecutive rows then share no
@@ -40,12 +40,14 @@ class Grains(NamedTuple):
     start_velocity: Any  # velocity at the last search: the search has foreseen a straight flight with it [m/s]
     angle: Any  # at the last search [rad], scalar, in -pi..pi
     turn: Any  # turned since the last search [rad], scalar
-    radius: Any  # [m], scalar
+    radius: Any  # of the disc, or of the circle about its centre of mass that holds a grain of several discs [m], scalar
     mobility: Any  # 1/mass, 1/mass [1/kg], 1/moment of inertia [1/(kg m2)], 0: a 4-vector; zeros = fixed
     wrench: Any  # contact force x, y and torque of this step [N, N, N m] (md), or the contact impulses to start the next step with
     #              [N s, N s, N m s] (rigid), 0: a 4-vector
     id: Any  # index of the grain in the order in which they were made, i32 scalar; below 0 = the next search drops it
     kind: Any  # which [[grains]] table made it, i32 scalar
+    heading: Any  # clumps only: cosine and sine of angle + turn
+    start_spin: Any  # clumps only: spin at the last search [rad/s], scalar
 
 
 class Pairs(NamedTuple):
@@ -56,7 +58,7 @@ class Pairs(NamedTuple):
 
     first: Any  # slot of the first grain, i32
     second: Any  # slot of the second grain; of a wall pair the number of the wall part, i32
-    reach: Any  # from the first centre to the second (to a point of the wall) at the last search [m], 2-vector
+    reach: Any  # from the first grain's centre to the second's (to a point of the wall) at the last search [m], 2-vector
     contact_distance: Any  # sum of the radii [m]
     normal: Any  # unit 2-vector from first to second, of the last step in which the pair was looked at
     gap: Any  # distance of the surfaces [m], < 0 in contact, of the same moment
@@ -72,6 +74,10 @@ class Pairs(NamedTuple):
     along: Any  # wall pairs: direction of the wall; of a wall's end the first direction that leads off the wall
     bounds: Any  # wall pairs: how far the foot point may slide along the wall; of an end the second direction that leads off
     side: Any  # wall pairs: side of the wall the grain is on, +1 left of `along`, -1 right; 0 = an end of a wall
+    discs: Any  # clumps only, as all that follow: number of the first grain's disc times clumps.MOST, plus that of the second's, i32
+    arms: Any  # of the two discs, each in the frame of its grain [m], 4-vector
+    rims: Any  # their radii [m], 2-vector
+    levers: Any  # world.clumps.levers, with the rims for the distances to the contact [m], 4-vector
 
 
 class Blocks(NamedTuple):
@@ -108,6 +114,10 @@ class World:
     turns: bool  # whether anything can turn a grain
     sleeps: bool  # whether grains may sleep
     naps: Any  # world.naps.Naps, or None if they may not
+    clumps: bool  # whether a grain may be anything but a disc
+    shapes: Any  # world.clumps.Shapes, or None without clumps
+    rows: int  # of the pair table, a grain
+    wall_rows: int  # and of its part for walls
     layout: str  # of the sweep: "one", "strips" or "cells"
     lanes: int  # runs that a block's pairs are dealt from
     real: Any  # ti.f32 or ti.f64
@@ -157,22 +167,24 @@ def vectors(real: Any, rows: int) -> Any:
     return ti.Vector.field(2, real, shape=rows)
 
 
-def allocate_grains(real: Any, rows: int) -> Grains:
+def allocate_grains(real: Any, rows: int, clumps: bool) -> Grains:
     """Empty grain table of `rows` rows."""
-    width = {"site": 2, "offset": 2, "shift": 2, "start_velocity": 2, "twist": 4, "mobility": 4, "wrench": 4}
+    width = {"site": 2, "offset": 2, "shift": 2, "start_velocity": 2, "twist": 4, "mobility": 4, "wrench": 4, "heading": 2}
     whole = {"site", "id", "kind"}
     columns = []
     for name in Grains._fields:
         kind = ti.i32 if name in whole else real
+        if name in ("heading", "start_spin") and not clumps:
+            columns.append(None)
+            continue
         columns.append(ti.Vector.field(width[name], kind, rows) if name in width else ti.field(kind, rows))
     return Grains(*columns)
 
 
-def allocate_pairs(real: Any, capacity: int, half: int, extra: int, parts: int) -> Pairs:
+def allocate_pairs(real: Any, capacity: int, half: int, wall_half: int, extra: int, parts: int, clumps: bool) -> Pairs:
     """Empty pair table of two halves, or with sleepers three parts, for `capacity` grains, with `extra` columns that follow a pair from
     search to search, as its force does: what is read between a search and the next step is then still what the pair carries.
     """
-    wall_half = WALL_PAIRS_PER_GRAIN * capacity
     rows = parts * half
     force = vectors(real, rows)
     columns = tuple(ti.field(real, rows) for _ in range(extra))
@@ -192,6 +204,10 @@ def allocate_pairs(real: Any, capacity: int, half: int, extra: int, parts: int) 
         along=vectors(real, parts * wall_half),
         bounds=vectors(real, parts * wall_half),
         side=ti.field(real, parts * wall_half),
+        discs=ti.field(ti.i32, rows) if clumps else None,
+        arms=ti.Vector.field(4, real, rows) if clumps else None,
+        rims=vectors(real, rows) if clumps else None,
+        levers=ti.Vector.field(4, real, rows) if clumps else None,
     )
 
 

@@ -1,0 +1,73 @@
+"""Levers, speeds and impulses of a rigid contact, as the solver needs them at one pair."""
+
+import taichi as ti
+
+from taichi_sand.world.clumps import tilt, torques
+from taichi_sand.world.geometry import add, perp, spin, wrench
+
+
+@ti.func
+def arms(w: ti.template(), i, j, gap, lever, wall: ti.template()):
+    """Levers of both grains for a tangential push, from the centre to the contact point; of discs they add up to the distance of the
+    centres. A wall that the grain has slid off is FAR, and gives back what it carried at the radius.
+    """
+    arm_i, arm_j = lever.x, lever.y
+    if ti.static(not w.clumps):
+        arm_i = w.grains.radius[i]
+    if ti.static(wall):
+        arm_i += ti.select(gap < arm_i, gap, 0.0)
+    else:
+        if ti.static(not w.clumps):
+            arm_j = w.grains.radius[j]
+        arm_i += 0.5 * gap
+        arm_j += 0.5 * gap
+    return arm_i, arm_j
+
+
+@ti.func
+def levers_of(w: ti.template(), p):
+    """Levers of pair p at its present normal; of discs there is nothing to know."""
+    lever = ti.Vector([0.0, 0.0, 0.0, 0.0])
+    if ti.static(w.clumps):
+        lever = w.pairs.levers[p]
+    return lever
+
+
+@ti.func
+def speed_of(w: ti.template(), i, j, motion, normal, lever, wall: ti.template()):
+    """Speed at which the surfaces of a pair part [m/s]."""
+    speed = motion.dot(normal)
+    if ti.static(w.clumps):
+        speed += tilt(w, i, j, lever, wall)
+    return speed
+
+
+@ti.func
+def slip_of(w: ti.template(), i, j, motion, normal, arm_i, arm_j, wall: ti.template()):
+    """Velocity of the second surface along the tangent, as seen from the first [m/s]."""
+    slip = motion.dot(perp(normal)) - arm_i * spin(w, i)
+    if ti.static(not wall):
+        slip -= arm_j * spin(w, j)
+    return slip
+
+
+@ti.func
+def slip_by(w: ti.template(), i, j, impulse, arm_i, arm_j, lever, wall: ti.template()):
+    """Slip that a normal impulse [N s] makes by turning the grains: none of discs."""
+    slip = 0.0
+    if ti.static(w.clumps):
+        slip = arm_i * lever.z * w.grains.mobility[i].z * impulse
+        if ti.static(not wall):
+            slip -= arm_j * lever.w * w.grains.mobility[j].z * impulse
+    return slip
+
+
+@ti.func
+def give(w: ti.template(), i, j, impulse, normal, arm_i, arm_j, lever, wall: ti.template()):
+    """Applies an impulse (normal, tangential) [N s] to the second grain of a pair, and its opposite to the first."""
+    g = ti.static(w.grains)
+    push = impulse.x * normal + impulse.y * perp(normal)
+    taken, given = torques(w, impulse, arm_i, arm_j, lever)
+    add(g.twist, i, -wrench(push, taken) * g.mobility[i])
+    if ti.static(not wall):
+        add(g.twist, j, wrench(push, given) * g.mobility[j])
