@@ -124,6 +124,12 @@ SCENES = {  # name: (text of the scene file, what the sentence must hold)
     "wall of one point": (wall("[[0.0, 0.1]]"), r"walls\[0\]\.points = .*at least two"),
     "wall without length": (wall("[[0.0, 0.1], [0.0, 0.1]]"), r"walls\[0\]\.points\[1\] = .*same as the point before"),
     "wall outside": (wall("[[0.0, 0.1], [2.0, 0.1]]"), r"walls\[0\]\.points\[1\] = .*outside the box"),
+    "shape name": (GOOD + '[[shapes]]\nname = "disc"\ndiscs = [[0, 0, 1]]\n', r'shapes\[0\]\.name = "disc" is a shape that there is'),
+    "shape apart": (GOOD + '[[shapes]]\nname = "two"\ndiscs = [[0, 0, 1], [3, 0, 1]]\n', r"shapes\[0\]\.discs must hang together"),
+    "sleeping clumps": (
+        effect("[effects.sleeping]").replace("radius = 0.02", 'shape = "2x1"\nradius = 0.02'),
+        r"effects\.sleeping: does not fit grains of several discs",
+    ),
     "wall friction": (GOOD.replace("[[walls]]", "[[walls]]\nfriction = -0.1"), r"walls\[0\]\.friction = -0.1 must be at least 0"),
     "wall friction alone": (
         effect("").replace("[[walls]]", "[[walls]]\nfriction = 0.1"),
