@@ -11,7 +11,7 @@ from taichi_sand.play.knobs import Knob
 from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.nearby import segments
 from taichi_sand.scene.scatter import Taken
-from taichi_sand.scene.shapes import disc_inertia, disc_mass
+from taichi_sand.scene.shapes import BUILT_IN, form
 from taichi_sand.simulation import Simulation
 from taichi_sand.world import census, hand
 
@@ -57,10 +57,11 @@ class Brush:
         tables = sim.scene.grains
         self.kind = (self.kind + step) % max(1, len(tables))
         radii = _radii(sim)
+        reach = sim.scene.form(tables[self.kind].shape).reach if tables else 1.0
         if tables and tables[self.kind].radius:
-            radii = tables[self.kind].radius
+            radii = tuple(reach * radius for radius in tables[self.kind].radius)
         elif tables and tables[self.kind].positions:
-            own = [row[2] for row in tables[self.kind].positions if len(row) > 2]
+            own = [reach * row[2] for row in tables[self.kind].positions if len(row) > 2]
             radii = (min(own), max(own)) if own else radii
         unit, (_, most) = 0.5 * sim.bed.diameter, _limits(sim)
         self.low, self.high = (min(most, radius / unit) for radius in radii)
@@ -82,7 +83,9 @@ class Brush:
     def masses(self, sim: Simulation, radius: np.ndarray, kind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mass [kg] and inertia [kg m2] of grains with these radii [m], of these kinds."""
         densities = np.array([table.density for table in sim.scene.grains] or [DENSITY])[kind]
-        return disc_mass(radius, densities), disc_inertia(radius, densities)
+        forms = [sim.scene.form(table.shape) for table in sim.scene.grains] or [form("disc", BUILT_IN["disc"])]
+        mass = densities * np.array([one.area for one in forms])[kind] * radius**2
+        return mass, mass * radius**2 * np.array([one.inertia for one in forms])[kind]
 
 
 def _radii(sim: Simulation) -> tuple[float, float]:
