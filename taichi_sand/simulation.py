@@ -96,6 +96,7 @@ class Simulation:
         self.world = make_world(scene, grains, extra, turns, self.arch != "cpu", self.room, **effect_modules.structure(self.effects))
         device.count_room(self.world.capacity)
         self.bed = bed_of(grains, scene.gravity)
+        self.sizes = np.array([form.size for form in grains.forms] or [1.0])  # by kind: radius of a disc of the same area / radius
         memory = list(self.world.pairs.memory[-extra:]) if extra else []
         own = [memory.pop(0) for _ in range(solver.MEMORY)]
         built = []
@@ -168,7 +169,9 @@ class Simulation:
         grains = self._grains()
         free = grains["mobility"][:, 0] > 0
         if free.any():
-            depth = depth_of(grains["position"][free], grains["radius"][free].astype(float), self.scene.gravity)
+            depth = depth_of(
+                grains["position"][free], (grains["radius"] * self.sizes[grains["kind"]])[free].astype(float), self.scene.gravity
+            )
             if depth > GROWTH * self.bed.depth:
                 self._adopt(self.scene, replace(self.bed, depth=depth), {})
 
