@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from taichi_sand.play.snapshot import Snapshot
 
 MOST_STEPS = 200
-MOST_BYTES = 400 * 2**20
+MOST_BYTES = 256 * 2**20
 """Together the kept moments take at most so much; the oldest go first (a moment of 10000 grains takes some 4 MB)."""
 
 

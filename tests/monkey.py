@@ -1,0 +1,79 @@
+"""A monkey at the window: random keys, strokes, sliders and buttons, ten a second, until something breaks or the time is over.
+
+`python tests/monkey.py MINUTES [SCENE]` plays as long as one likes and prints what came of it.
+"""
+
+import contextlib
+import random
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from playing import Playing
+
+PER_SECOND = 10.0
+RARE = {"m": 0.05, "[": 0.0, "]": 0.0, "Escape": 0.0, "f": 0.1, "p": 0.1}
+"""How often a key is pressed, against the others: another solver is compiled, films and pictures fill the disk."""
+NAMES = {" ": "space", ".": "period", ",": "comma", "-": "minus", "=": "equal", "[": "bracketleft", "]": "bracketright"}
+PAGE = 2**20
+
+
+def memory(window: Playing) -> float:
+    """What the window's process holds [MB]."""
+    pages = Path(f"/proc/{window.process.pid}/statm").read_text().split()[1]
+    return int(pages) * 4096 / PAGE
+
+
+def act(window: Playing, chance: random.Random, keys: list[str], weights: list[float]) -> None:
+    """One thing that a monkey might do."""
+    window.read()
+    what = chance.random()
+    left, top, width, height = window.now["picture"]
+    if what < 0.35:
+        key = chance.choices(keys, weights)[0]
+        window.tool("key", NAMES.get(key, key))
+    elif what < 0.7:
+        words: list[Any] = []
+        for _ in range(3):
+            x, y = left + chance.random() * width, top + chance.random() * height
+            words += ["mousemove", "--window", window.window, round(x), round(y)]
+            words += ["mousedown", chance.choice((1, 1, 3))] if len(words) == 5 else []
+        window.tool(*words, "mouseup", 1, "mouseup", 3)
+    elif what < 0.8:
+        window.tool("click", chance.choice((4, 5)))
+    else:
+        name, (x, y, wide, high) = chance.choice(list(window.now["controls"].items()))
+        if name in ("md", "rigid") or (wide < 100 and chance.random() > 0.1):  # switches compile at times
+            return
+        place = ["mousemove", "--window", window.window, round(x + chance.random() * wide), round(y + high / 2)]
+        window.tool(*place, "mousedown", 1, *place[:3], round(x + chance.random() * wide), round(y + high / 2), "mouseup", 1)
+
+
+def play(window: Playing, seconds: float, keys: list[str], seed: int = 1) -> dict[str, Any]:
+    """Plays for so long; what the window said at the end, and by how much its memory grew after the first fifth [MB]."""
+    chance = random.Random(seed)
+    weights = [RARE.get(key, 1.0) for key in keys]
+    start, first, events = time.monotonic(), 0.0, 0
+    while (passed := time.monotonic() - start) < seconds:
+        with contextlib.suppress(subprocess.CalledProcessError):  # the window is gone: why is told below
+            act(window, chance, keys, weights)
+        events += 1
+        if not first and passed > seconds / 5:
+            first = memory(window)
+        if window.process.poll() is not None:
+            raise AssertionError(f"the window closed with {window.process.returncode}: {window.process.stderr.read()}")
+        time.sleep(max(0.0, events / PER_SECOND - (time.monotonic() - start)))
+    window.fresh()
+    return {**window.now, "events": events, "grown": memory(window) - first}
+
+
+if __name__ == "__main__":
+    from taichi_sand.play.keys import KEYS
+
+    with tempfile.TemporaryDirectory() as folder, Playing(Path(folder), *(sys.argv[2:] or ["pile"])) as monkeys_window:
+        told = play(monkeys_window, 60 * float(sys.argv[1]), [key.key for key in KEYS])
+        shown = ("events", "time", "grains", "kinetic_energy_J", "speed_max_m_s", "solver", "flags", "unphysical", "undo", "grown")
+        print({name: told[name] for name in shown}, "exit", monkeys_window.close())
