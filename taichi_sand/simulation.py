@@ -89,8 +89,6 @@ class Simulation:
         scene, kind = self.scene, self.scene.solver.kind
         columns = {name: effect_modules.columns(name, values, kind) for name, values in self.effects.items()}
         turns = effect_modules.turns(self.effects) or bool(np.any(grains.spin))
-        if grains.clumps and effect_modules.sleeps(self.effects):
-            raise scene.error("effects.sleeping", "does not fit grains of several discs")
         solver = choose(kind)
         extra = solver.MEMORY + sum(columns.values())
         self.world = make_world(scene, grains, extra, turns, self.arch != "cpu", self.room, **effect_modules.structure(self.effects))

@@ -108,6 +108,8 @@ def check(scene: Any) -> dict[str, dict[str, Any]]:
                 key, f"does not fit the {kind} solver, only {' and '.join(effect.SOLVERS)}; what fits {kind}: {', '.join(fitting(kind))}"
             )
         tables[name] = check_table(f"{scene.source}: {key}" if scene.source else key, table, effect.PARAMETERS)
+    if sleeps(tables) and any(table.shape != "disc" for table in scene.grains):
+        raise scene.error("effects.sleeping", "does not fit grains of several discs")
     return tables
 
 

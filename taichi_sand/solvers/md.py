@@ -70,10 +70,27 @@ def damping(s: ti.template(), c: ti.template(), root_mass, overlap):
 
 
 @ti.func
+def load(w: ti.template(), i, j, force, normal, arm_i, arm_j, lever, wall: ti.template()):
+    """Adds a force (normal, tangential) on the second grain, and its opposite on the first, to their loads."""
+    push = force.x * normal + force.y * perp(normal)
+    taken, given = torques(w, force, arm_i, arm_j, lever)
+    add(w.grains.wrench, i, -wrench(push, taken))
+    if ti.static(not wall):
+        add(w.grains.wrench, j, wrench(push, given))
+
+
+@ti.func
+def turn(w: ti.template(), i, j, torque, wall: ti.template()):
+    """Adds a torque on the second grain, and its opposite on the first, to their loads."""
+    add(w.grains.wrench, i, -couple(torque))
+    if ti.static(not wall):
+        add(w.grains.wrench, j, couple(torque))
+
+
+@ti.func
 def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
     """Adds the forces of pair p to the loads of its grains."""
     pairs = ti.static(w.pairs)
-    g = ti.static(w.grains)
     i = pairs.first[p]
     j = i if ti.static(wall) else pairs.second[p]
     distance, normal = distance_to_second(w, p, i, wall)
@@ -101,27 +118,21 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
                     force.y += effect.tangent(w, c, p, wall, force.x, slip, stiffness, dashpot)
                 if ti.static(hasattr(effect, "couple")):
                     roll, radius, inertia = rolling(w, i, j, wall)
-                    torque = effect.couple(w, c, p, force.x, roll, radius, stiffness, inertia)
-                    add(g.wrench, i, -couple(torque))
-                    if ti.static(not wall):
-                        add(g.wrench, j, couple(torque))
+                    turn(w, i, j, effect.couple(w, c, p, force.x, roll, radius, stiffness, inertia), wall)
         for effect in ti.static(s.effects):
             if ti.static(hasattr(effect, "normal")):
                 force.x += effect.normal(w, c, p, overlap)
-        push = force.x * normal + force.y * perp(normal)
-        taken, given = torques(w, force, arm_i, arm_j, lever)
-        add(g.wrench, i, -wrench(push, taken))
-        if ti.static(not wall):
-            add(g.wrench, j, wrench(push, given))
+        load(w, i, j, force, normal, arm_i, arm_j, lever, wall)
     else:
         for effect in ti.static(s.effects):
             if ti.static(hasattr(effect, "release")):
                 effect.release(w, p)
             if ti.static(hasattr(effect, "normal")):
                 force.x += effect.normal(w, c, p, overlap)
-                add(g.wrench, i, -wrench(force.x * normal, 0.0))
-                if ti.static(not wall):
-                    add(g.wrench, j, wrench(force.x * normal, 0.0))
+                lever = ti.Vector([0.0, 0.0, 0.0, 0.0])
+                if ti.static(w.clumps):
+                    lever = levers(w, p, i, j, normal, 0.0, 0.0, wall)
+                load(w, i, j, force, normal, 0.0, 0.0, lever, wall)
     pairs.force[p] = force
 
 

@@ -69,6 +69,12 @@ def lay_walls(scene: Any, spacing: tuple[float, float], sites: tuple[int, int], 
     return build_walls(parts, spacing, sites, reach, real)
 
 
+def mean_weight(scene: Any, pack: Pack) -> float:
+    """Mean weight of the grains that can move [N]; on earth where there is no gravity."""
+    free = pack.mass[~pack.fixed]
+    return (math.hypot(*scene.gravity) or EARTH) * (float(free.mean()) if len(free) else 0.0)
+
+
 def most_discs(pack: Pack) -> int:
     """Discs of the grain that has most."""
     return max((len(form.discs) for form in pack.forms), default=1)
@@ -88,10 +94,9 @@ def make_world(
     spacing, sites = lay_lattice(scene.size, diameter, capacity)
     least_cell, cells = plan_cells(scene.size, largest + reach * diameter, capacity)
     layout = "cells" if gpu else "strips" if count >= STRIPS_FROM else "one"
-    cells = round_up(cells + 1)
+    cells, lanes = round_up(cells + 1), LANES[layout]
     blocks = {"one": 1, "strips": STRIPS, "cells": cells}[layout]
-    lanes = LANES[layout]
-    rows, wall_rows = (per_disc * most_discs(pack) for per_disc in (PAIRS_PER_GRAIN, WALL_PAIRS_PER_GRAIN))
+    rows, wall_rows = PAIRS_PER_GRAIN * most_discs(pack), WALL_PAIRS_PER_GRAIN * most_discs(pack)
     wall_half, wall_base = wall_rows * capacity, rows * (capacity + lanes * min(blocks, STRIPS))
     world = World(
         grains=allocate_grains(real, capacity, pack.clumps),
@@ -121,8 +126,7 @@ def make_world(
         real=real,
     )
     numbers = {"spacing": spacing, "sites": sites, "diameter": diameter, "largest": largest, "least_cell": least_cell}
-    gravity = math.hypot(*scene.gravity) or EARTH
-    numbers |= {"bridge": reach * diameter, "weight": gravity * (float(pack.mass[~pack.fixed].mean()) if (~pack.fixed).any() else 0.0)}
+    numbers |= {"bridge": reach * diameter, "weight": mean_weight(scene, pack)}
     world.box[None] = {"size": scene.size, "gravity": scene.gravity, **numbers}
     return world
 
