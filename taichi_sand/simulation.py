@@ -162,7 +162,7 @@ class Simulation:
 
     def _look(self) -> None:
         """Stiffness and step follow the depth of a pile that has grown."""
-        if not self.count or not self.bed.gravity:
+        if not self.count or not self.bed.gravity or (self.world.sleeps and not self.world.naps.state[None].awake):
             return
         grains = self._grains()
         free = grains["mobility"][:, 0] > 0

@@ -163,6 +163,9 @@ def read_grains(world: World) -> dict[str, np.ndarray]:
     g, count = world.grains, world.count[None]
     spacing = np.array(world.box[None].spacing.to_list())
     table = {name: column.to_numpy()[:count] for name, column in g._asdict().items() if column is not None}
+    if world.sleeps:  # sleepers have theirs kept for them
+        awake = world.naps.state[None].awake
+        table["mobility"][awake:] = world.naps.mobility.to_numpy()[awake:count]
     order = np.argsort(table["id"], kind="stable")
     table = {name: values[order] for name, values in table.items()}
     exact = {name: table[name].astype(np.float64) for name in ("site", "offset", "shift", "angle", "turn")}
