@@ -1,5 +1,6 @@
 """The commands that measure: `cost` and `validate`."""
 
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -61,6 +62,33 @@ def cost(
         print(as_toml(point, error))
 
 
+def validate(
+    as_json: Annotated[bool, typer.Option("--json", help="Prints the rows as JSON, and nothing else, on stdout.")] = False,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE.png", help="Draws every error over what is allowed.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Leaves out the cases that take long.")] = False,
+    only: Annotated[list[str] | None, typer.Option("--only", metavar="CASE", help="Only this case, such as A5; repeatable.")] = None,
+) -> None:
+    """Holds both solvers against reference cases: case, source, reference, measured, error, passed. Exit status 1 if one fails."""
+    with cli.in_one_sentence():
+        from taichi_sand.study import validate as ladder
+
+        if plot is not None:
+            cli.check_writable(plot)
+            ladder.pyplot()
+        with cli.progress_bar("validate") as progress:
+            results = ladder.validate(quick, only, progress)
+        if plot is not None:
+            ladder.plot(results, plot)
+        if as_json:
+            print(json.dumps(ladder.as_json(results), indent=2, allow_nan=False))
+        else:
+            Console(highlight=False, width=None if Console().is_terminal else 180).print(ladder.as_table(results))
+        failed = [f"{r.case} ({r.solver}: {r.what})" for r in results if not r.passed]
+        if failed:
+            raise PhysicsError(f"{len(failed)} of {len(results)} rows: {'; '.join(failed)}")
+
+
 def register(app: typer.Typer) -> None:
     """Adds the commands to the program."""
     app.command()(cost)
+    app.command()(validate)

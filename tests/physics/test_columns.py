@@ -7,6 +7,7 @@ import pytest
 from helpers import D, Disc, G, K, M, R, chain_forces, simulate, unit
 
 from taichi_sand.study.reference import chain, first_bounce, zeta_for
+from taichi_sand.study.setups import NARROW, column
 
 T_C = math.pi * math.sqrt(M / 2 / K)
 
@@ -57,17 +58,8 @@ def test_md_bounces_lower() -> None:
     assert sim.velocities[0, 1] ** 2 / 2 + G * (sim.positions[0, 1] - R) == pytest.approx(G * height, rel=1e-3)
 
 
-NARROW = 1.5 * D
-"""Width of the box of a column: what is one grain wide is as deep as it has grains (the tolerance follows from the depth)."""
 COLUMNS = [(5, 270.0), (20, 270.0), (100, 270.0), (5, 180.0), (5, 0.0), (5, 90.0)]
 """Number of discs, and where down is: what differs at the other walls is the wall, not the column."""
-
-
-def column(count: int, down: np.ndarray, dents: np.ndarray, far: float) -> list[Disc]:
-    """A column hanging over the wall that `down` points to, grain 0 on top; dents[i]: overlap below grain i [m]."""
-    heights = np.concatenate([[R - dents[-1]], R - dents[-1] + np.cumsum((D - dents[:-1])[::-1])])[::-1]
-    foot = np.where(down == 0, NARROW / 2, np.where(down > 0, far, 0.0))
-    return [Disc(*(foot - h * down)) for h in heights]
 
 
 @pytest.mark.parametrize("count, angle", COLUMNS)

@@ -6,31 +6,8 @@ import numpy as np
 import pytest
 from helpers import OPEN, PERIODIC, D, Disc, G, K, M, R, kinetic, simulate
 
-T_C = math.pi * math.sqrt(M / 2 / K)
-MD = {"kind": "md", "k_r": K, "restitution": 0.8, "step": T_C / 20}
-HERTZ = {"kind": "md", "law": "hertz", "k_r": K / math.sqrt(7e-5), "restitution": 0.8, "step": T_C / 20}
-RIGID = {"kind": "rigid", "restitution": 0.8, "step": 1e-4}
-SOLVERS = {"linear": MD, "hertz": HERTZ, "rigid": RIGID}
-
-
-def implosion(count: int, seed: int = 1) -> list[Disc]:
-    """Discs of random sizes on a jittered lattice in the middle of a box of 2 m, flying at its centre and spinning."""
-    random = np.random.default_rng(seed)
-    side = math.ceil(math.sqrt(count))
-    discs = []
-    for k in range(count):
-        place = (np.array([k % side, k // side]) - (side - 1) / 2) * 1.6 * D + random.uniform(-0.1, 0.1, 2) * D
-        velocity = -4 * place + random.uniform(-0.3, 0.3, 2)
-        discs.append(Disc(*(place + 1.0), *velocity, spin=random.uniform(-80, 80), radius=R * random.uniform(0.8, 1.2)))
-    return discs
-
-
-def momenta(sim, discs: list[Disc]) -> tuple[np.ndarray, float]:
-    """Momentum, and angular momentum about the origin of the box, from the state alone."""
-    mass = np.array([disc.mass for disc in discs])
-    inertia = mass * np.array([disc.radius for disc in discs]) ** 2 / 2
-    x, v = sim.positions, sim.velocities
-    return mass @ v, float(mass @ (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0]) + inertia @ sim.spins)
+from taichi_sand.study.setups import COLLISIONS, MD, T_C, collision_in_frames, gas, implosion, momenta, springs
+from taichi_sand.study.setups import FREE as SOLVERS
 
 
 @pytest.mark.parametrize("name", SOLVERS)
@@ -56,23 +33,6 @@ def test_momentum(name: str, count: int, precision: int, linear: float, angular:
     scale = mass @ (speeds * np.maximum(arms, R)) + inertia @ np.abs([disc.spin for disc in discs])
     assert np.hypot(*(after - before)) / (mass @ speeds) < linear
     assert abs(turn_after - turn_before) / scale < angular
-
-
-def gas(seed: int = 3) -> tuple[list[Disc], float]:
-    """400 discs at area fraction 0.2, speeds of 1 m/s in random directions; and the side of their box."""
-    random = np.random.default_rng(seed)
-    side = math.sqrt(400 * math.pi * R**2 / 0.2)
-    pitch = side / 20
-    discs = []
-    for k in range(400):
-        place = (np.array([k % 20, k // 20]) + 0.5) * pitch + random.uniform(-0.2, 0.2, 2) * pitch
-        angle = random.uniform(0, 2 * math.pi)
-        discs.append(Disc(*place, math.cos(angle), math.sin(angle)))
-    return discs, side
-
-
-COLLISIONS = math.sqrt(math.pi) * D / (8 * 0.2 * 1.43 * math.sqrt(0.5))
-"""Mean time between two collisions of a disc of this gas (Enskog, 2D, speed 1 m/s) [s]; 1000 of them: A16's time."""
 
 
 @pytest.mark.parametrize("edges", ["wall", "periodic"])
@@ -114,15 +74,6 @@ def test_md_gas(law: str, steps: int) -> None:
     assert abs(np.polyfit(np.arange(12), energies, 1)[0] * 12) < 1e-3
 
 
-def springs(sim, side: float, k_r: float, beta: float) -> float:
-    """Energy in the contacts of equal discs in a periodic box [J], from the places alone."""
-    x = sim.positions
-    way = x[:, None] - x[None]
-    way -= side * np.round(way / side)
-    overlap = np.maximum(D - np.hypot(way[..., 0], way[..., 1]), 0.0)[np.triu_indices(len(x), 1)]
-    return float((k_r * overlap ** (beta + 1) / (beta + 1)).sum())
-
-
 @pytest.mark.parametrize("name", SOLVERS)
 def test_friction_never_adds_energy(name: str) -> None:
     """A16: with friction and e = 1 the energy (kinetic and of the springs, here: in free flight) never rises."""
@@ -139,41 +90,14 @@ def test_friction_never_adds_energy(name: str) -> None:
     assert last < 0.95 * start
 
 
-def frames() -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Changes of frame: a matrix, where the experiment stands, and a velocity added to it."""
-    c, s = math.cos(math.radians(37)), math.sin(math.radians(37))
-    return {
-        "plain": (np.eye(2), np.array([0.1, 0.1]), np.zeros(2)),
-        "rotated": (np.array([[c, -s], [s, c]]), np.array([0.3, 0.1]), np.zeros(2)),
-        "mirrored": (np.diag([-1.0, 1.0]), np.array([0.5, 0.1]), np.zeros(2)),
-        "boosted": (np.eye(2), np.array([0.1, 0.3]), np.array([10.0, 0.0])),
-        "translated": (np.eye(2), np.array([0.1 + 1000 * D, 0.1]), np.zeros(2)),
-    }
-
-
 @pytest.mark.parametrize("name", SOLVERS)
 @pytest.mark.parametrize("precision, within", [(64, 1e-10), (32, 1e-4)])
 def test_invariance(name: str, precision: int, within: float) -> None:
     """A19: one oblique frictional collision of two discs, seen from five frames, all in one box; velocities and spins times R [m/s]."""
-    places = np.array([[-1.1 * R, -0.3 * R], [1.1 * R, 0.3 * R]])
-    velocities = np.array([[0.5, 0.3], [-0.5, 0.1]])
-    spins = np.array([40.0, -10.0])
-    discs = []
-    for matrix, middle, boost in frames().values():
-        handed = np.linalg.det(matrix)
-        for x, v, spin in zip(places, velocities, spins, strict=True):
-            discs.append(Disc(*(middle + matrix @ x), *(matrix @ v + boost), spin=handed * spin))
-    sim = simulate(discs, (10.5, 0.5), {**SOLVERS[name], "precision": precision}, mu=0.3, edges=OPEN)
-    sim.advance(4e-3)
-    plain = None
-    for row, (frame, (matrix, _, boost)) in enumerate(frames().items()):
-        pair = slice(2 * row, 2 * row + 2)
-        back = (sim.velocities[pair] - boost) @ matrix
-        turn = np.linalg.det(matrix) * sim.spins[pair] * R
-        state = np.hstack([back, turn[:, None]])
-        if plain is None:
-            plain = state
-            assert abs(back - velocities).max() > 0.1
+    states = collision_in_frames(name, precision)
+    plain = states["plain"]
+    assert abs(plain[:, :2] - [[0.5, 0.3], [-0.5, 0.1]]).max() > 0.1
+    for frame, state in states.items():
         assert abs(state - plain).max() < within * (10 if precision == 32 and frame == "boosted" else 1), frame
 
 

@@ -5,48 +5,11 @@ import math
 import numpy as np
 import pytest
 import taichi as ti
-from helpers import INERTIA, OPEN, D, Disc, G, K, M, R, perp, simulate, unit
+from helpers import INERTIA, D, Disc, G, K, M, R, perp, simulate, unit
 
 from taichi_sand.study.reference import slip_on_disc
-
-T_C = math.pi * math.sqrt(M / 2 / K)
-K_SOFT = 2e6
-"""Stiff enough that the standard disc's weight dents it by 1e-4 d."""
-T_SOFT = math.pi * math.sqrt(M / 2 / K_SOFT)
-SOLVERS = {
-    "linear": {"kind": "md", "law": "linear", "k_r": K_SOFT, "restitution": 0.3, "step": T_SOFT / 30},
-    "hertz": {
-        "kind": "md",
-        "law": "hertz",
-        "k_r": M * G / (1e-4 * D) ** 1.5,
-        "restitution": 0.3,
-        "tolerance": 1e-3,
-        "step": T_SOFT / 60,
-    },
-    "rigid": {"kind": "rigid", "restitution": 0.0, "step": 5e-4, "tolerance": 0.001},
-}
-SIZE = (1.0, 1.0)
-
-
-def on_surface(normal: np.ndarray) -> tuple[np.ndarray, list]:
-    """A point on a surface with this normal, and the walls it takes: an edge of the box if the normal is along an axis, else a line."""
-    middle = np.array(SIZE) / 2
-    if min(abs(normal)) == 0:
-        return np.where(normal == 0, middle, np.where(normal > 0, 0.0, SIZE)), []
-    line = [(middle + s * 0.45 * perp(normal)).tolist() for s in (-1, 1)]
-    return middle, [{"points": line}]
-
-
-def resting(normal: np.ndarray, solver: dict, v0: float, spin: float, mu: float, tilt: float = 0.0, **keys):
-    """A disc at rest overlap on a surface, gravity against its normal, leaning by `tilt` [degrees] to the right of one who stands there."""
-    point, walls = on_surface(normal)
-    right = -perp(normal)
-    lean = math.radians(tilt)
-    gravity = G * (-math.cos(lean) * normal + math.sin(lean) * right)
-    dent = 0.0 if solver["kind"] == "rigid" else 1e-4 * D * (math.cos(lean) if solver["law"] == "linear" else math.cos(lean) ** (2 / 3))
-    place = point + (R - dent) * normal - (0.3 if v0 >= 0 else -0.3) * right
-    disc = Disc(*place, *(v0 * right), spin=spin)
-    return simulate([disc], SIZE, solver, gravity=gravity.tolist(), walls=walls, mu=mu, **keys), right, place
+from taichi_sand.study.setups import FLOOR_THRESHOLD, T_C, THRESHOLD, pyramid, resting
+from taichi_sand.study.setups import RESTING as SOLVERS
 
 
 @pytest.mark.parametrize("angle", [0.0, 90.0, 180.0, 270.0, 17.0, 45.0])
@@ -170,30 +133,6 @@ def test_incline(name: str, angle: float) -> None:
         assert (sim.velocities[0] @ right - v) / (time - 0.1) == pytest.approx(pull, rel=5e-3), mu
         assert -(sim.spins[0] - spin) / (time - 0.1) == pytest.approx(spin_up, rel=5e-3), mu
         assert (sim.positions[0] - start) @ right == pytest.approx(pull * time**2 / 2, rel=0.01), mu
-
-
-FALL = 15 * math.sqrt(D / G)
-
-
-def pyramid(solver: dict, mu: float, floor: float | None = None, model: str = "spring") -> tuple[float, float, float]:
-    """Two discs on a line, a third on top, left alone for 15 sqrt(d/g).
-
-    Returns how far the top sank in all and in the second half, in d, and the largest speed at the end, in sqrt(gd).
-    """
-    wall = {"points": [[0.02, 0.02], [0.18, 0.02]]} | ({} if floor is None else {"friction": floor})
-    discs = [Disc(0.1 + x, 0.02 + R + y) for x, y in ((-R, 0), (R, 0), (0, math.sqrt(3) * R))]
-    md = solver["kind"] == "md"
-    sim = simulate(discs, (0.2, 0.1), solver, gravity=(0, -G), walls=[wall], edges=OPEN, mu=mu, friction={"model": model} if md else {})
-    start = sim.positions[2, 1]
-    sim.advance(FALL / 2)
-    middle = sim.positions[2, 1]
-    sim.advance(FALL / 2)
-    end = sim.positions[2, 1]
-    return (start - end) / D, (middle - end) / D, float(np.hypot(*sim.velocities.T).max()) / math.sqrt(G * D)
-
-
-THRESHOLD = math.tan(math.radians(15))
-FLOOR_THRESHOLD = THRESHOLD / 3  # friction 0.134 W under 1.5 W
 
 
 @pytest.mark.parametrize("name", SOLVERS)
