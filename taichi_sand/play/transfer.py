@@ -12,8 +12,10 @@ from taichi_sand.simulation import Simulation
 from taichi_sand.solvers import choose
 from taichi_sand.world.checkpoint import read_field
 
-AFRESH = ("pace", "wrench")
-"""Tables that do not go over as they are."""
+OVER = ("grains", "count", "flags")
+"""Tables that go over; the others are made for the structure they belong to."""
+ROWS = ("pairs", "blocks")
+"""And these, where both structures list pairs in tables of the same sizes."""
 
 
 def structure(scene: Scene) -> str:
@@ -44,14 +46,20 @@ def columns_of(sim: Simulation) -> list[str]:
 
 def hand_over(old: Simulation, new: Simulation, moment: Snapshot) -> None:
     """Gives `new` the grains, walls and pairs of `old`, whose moment this is; pairs keep their force, and what both solvers know."""
-    kept = dict(zip(columns_of(old), old.world.pairs.memory, strict=True))
-    for name, column in zip(columns_of(new), new.world.pairs.memory, strict=True):
-        column.from_numpy(kept[name].to_numpy() if name in kept else np.zeros_like(column.to_numpy()))
     targets = tables_of(new)
-    for name, table in tables_of(old).items():
-        part = name.split(".")
-        if name.startswith(".0.") and part[2] not in AFRESH and part[-1] not in AFRESH and part[3:4] != ["memory"]:
+    tables = {name: table for name, table in tables_of(old).items() if name.split(".")[2:3] and name.startswith(".0.")}
+    rows = [name for name in tables if name.split(".")[2] in ROWS and "memory" not in name]
+    same = all(name in targets and targets[name].shape == tables[name].shape for name in rows)
+    for name, table in tables.items():
+        if name.split(".")[2] in OVER or (same and name in rows):
             copy(table, targets[name])
+    if same:
+        kept = dict(zip(columns_of(old), old.world.pairs.memory, strict=True))
+        for name, column in zip(columns_of(new), new.world.pairs.memory, strict=True):
+            column.from_numpy(kept[name].to_numpy() if name in kept else np.zeros_like(column.to_numpy()))
+    else:
+        for counts in (new.world.pairs.row_count, new.world.pairs.wall_row_count):
+            counts.fill(0)  # no pair is remembered
     pace = read_field(old.world.pace)
     new.world.pace.from_numpy({key[1:]: value for key, value in pace.items()})
     new.world.grains.wrench.fill(0.0)
