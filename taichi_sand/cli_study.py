@@ -1,8 +1,8 @@
-"""The commands that measure: `cost` and `validate`."""
+"""The commands that measure: `cost`, `validate` and `stress`."""
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -88,7 +88,37 @@ def validate(
             raise PhysicsError(f"{len(failed)} of {len(results)} rows: {'; '.join(failed)}")
 
 
+def stress(
+    only: Annotated[str, typer.Option("--only", metavar="NAME", help="Cases whose name holds NAME.")] = "",
+    solver: Annotated[Literal["md", "rigid"] | None, typer.Option("--solver", help="One solver; else both.")] = None,
+    tolerance: Annotated[list[float] | None, typer.Option("--tolerance", help="Instead of 0.05, 0.02 and 0.01; repeatable.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Without the cases that take minutes.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Prints all gates as JSON, and nothing else, on stdout.")] = False,
+) -> None:
+    """Runs the hard cases: a row each, exit 1 if one fails."""
+    with cli.in_one_sentence():
+        from taichi_sand.study import stress as hard
+
+        asked = hard.rows(only, [solver] if solver else hard.SOLVERS, tolerance or hard.TOLERANCES, quick)
+        if not asked:
+            raise SandError(f"--only {only}: no case has such a name; there are {', '.join(hard.CASES)}")
+        done = []
+        with cli.progress_bar("stress") as progress:
+            for one in asked:
+                done.append(hard.run(*one))
+                if progress:
+                    progress(len(done) / len(asked))
+        if as_json:
+            print(json.dumps([row.to_dict() for row in done]))
+        else:
+            Console(highlight=False, width=None if Console().is_terminal else 160).print(hard.as_table(done))
+        failed = [row for row in done if not row.passed]
+        if failed:
+            raise PhysicsError(f"{len(failed)} of {len(done)} rows; the first is {failed[0].case}, {failed[0].solver}")
+
+
 def register(app: typer.Typer) -> None:
     """Adds the commands to the program."""
     app.command()(cost)
     app.command()(validate)
+    app.command()(stress)

@@ -63,6 +63,7 @@ def motion(sim: Any) -> dict[str, Any]:
     moving = total[observe.MOVING] > 0
     height = 2 * (total[observe.HEIGHT] / total[observe.MASS] - sums[:, observe.LOWEST].min()) if moving else 0.0
     return {
+        "mass_kg": float(total[observe.MASS]) if moving else 0.0,
         "kinetic_energy_J": float(total[observe.KINETIC]),
         "potential_energy_J": float(total[observe.POTENTIAL]),
         "momentum_Ns": [float(total[observe.PX]), float(total[observe.PY])],

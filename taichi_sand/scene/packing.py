@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taichi_sand.scene.nearby import segments
+from taichi_sand.scene.nearby import close_pairs, segments
 from taichi_sand.scene.scatter import DENSEST, Taken, scatter
 from taichi_sand.scene.schema import MOST_GRAINS, Grains, Scene
 from taichi_sand.scene.shapes import Form, inertia, mass
 
+COINCIDENT = 1e-3  # of the least diameter: centres nearer than this are one place
 LOOSE = 0.5  # part of the free area that fill = "random" covers
 
 
@@ -75,7 +76,20 @@ def pack(scene: Scene) -> Pack:
     _check_number(scene, 0, sum(map(len, parts)))
     columns = [name for name in Pack.__dataclass_fields__ if name != "forms"]
     forms = tuple(scene.form(table.shape) for table in scene.grains)
-    return Pack(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in columns}, forms=forms)
+    whole = Pack(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in columns}, forms=forms)
+    part_coincident(whole)
+    return whole
+
+
+def part_coincident(grains: Pack) -> None:
+    """Moves grains whose centres coincide a little apart, each its own way, so that a contact has a direction (physics.md C7)."""
+    if not len(grains):
+        return
+    least = COINCIDENT * 2 * float(grains.radius.min())
+    first, second = close_pairs(grains.position, grains.position, least)
+    alike = np.unique(first[first != second])
+    way = alike * np.pi * (3 - np.sqrt(5))  # the golden angle: no two ways are alike
+    grains.position[alike] += 2 * least * np.stack([np.cos(way), np.sin(way)], axis=1)
 
 
 def _is_given(table: Grains) -> bool:

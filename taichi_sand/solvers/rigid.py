@@ -59,11 +59,23 @@ class Rigid:
 
 @ti.func
 def kick(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
-    """Gravity, and the contact impulses of the step before as a first guess of this one's."""
+    """Gravity, and the contact impulses of the step before as a first guess of this one's: after the impacts, if there may be any, which
+    are to meet real velocities, not guesses (300 discs poured at restitution 1 heated up by 0.3 m g H otherwise).
+    """
     g = ti.static(w.grains)
     gravity = wrench(w.box[None].gravity * c.step, 0.0)
+    early = 1.0 - ti.cast(w.pace[None].impacts, w.real)
     for i in range(start, end):
-        add(g.twist, i, with_body(w, s, c, i, g.wrench[i], c.step) * g.mobility[i] + gravity * movable(w, i))
+        add(g.twist, i, with_body(w, s, c, i, early * g.wrench[i], c.step) * g.mobility[i] + gravity * movable(w, i))
+
+
+@ti.func
+def guess(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
+    """The contact impulses of the step before, where the kick has left them out."""
+    g = ti.static(w.grains)
+    if w.pace[None].guess == 1:
+        for i in range(start, end):
+            add(g.twist, i, g.wrench[i] * g.mobility[i])
 
 
 @ti.func
@@ -112,6 +124,7 @@ def collide(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     """Answers the impact of pair p, if it would touch within the step faster than the threshold (physics.md A2, A4).
 
     One of its grains must be free: in a pile that closes under load the impulses have to be remembered, not answered and forgotten.
+    What is reflected is the velocity of the moment, with half the step's gravity: with all of it a bounce would add speed * g h.
     """
     pairs = ti.static(w.pairs)
     i = pairs.first[p]
@@ -122,7 +135,8 @@ def collide(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     speed = speed_of(w, i, j, motion, normal, lever, wall)
     if speed < -c.threshold and speed * c.step + gap < 0.0 and (free(w, i) or free(w, j)):
         arm_i, arm_j = arms(w, i, j, gap, lever, wall)
-        impulse = ti.Vector([-(1.0 + c.restitution) * pairs.mass[p] * speed, 0.0])
+        kicked = (movable(w, j) - movable(w, i) if ti.static(not wall) else -movable(w, i)) * w.box[None].gravity.dot(normal) * c.step
+        impulse = ti.Vector([-(1.0 + c.restitution) * pairs.mass[p] * (speed - 0.5 * kicked), 0.0])
         if ti.static(w.turns):
             slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall) + slip_by(w, i, j, impulse.x, arm_i, arm_j, lever, wall)
             bound = cone(w, s, c, p, wall, impulse.x)
@@ -266,6 +280,8 @@ def close_round(w: ti.template()):
 @ti.func
 def collide_all(w: ti.template(), s: ti.template(), c: ti.template()):
     """Rounds of impacts, one after the other, until there are none left or the rounds are used up."""
+    if w.pace[None].spent == 0:
+        w.pace[None].guess = w.pace[None].impacts
     if ti.static(w.layout == "one"):
         for _round in range(ROUNDS):
             sweep(w, (collide,), nothing, s, c, colliding)
@@ -275,6 +291,7 @@ def collide_all(w: ti.template(), s: ti.template(), c: ti.template()):
             sweep(w, (collide,), nothing, s, c, colliding)
             close_round(w)
     w.pace[None].impacts = 0
+    each_grain(w, guess, s, c)
 
 
 @ti.func

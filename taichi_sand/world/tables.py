@@ -132,6 +132,7 @@ def pace_type(real: Any) -> Any:
         off_path=real,  # largest squared distance of a grain from its foreseen path [m2]
         spent=ti.i32,  # 1 = search before the next step
         impacts=ti.i32,  # rigid: 1 = some pair may collide in this step
+        guess=ti.i32,  # rigid: 1 = the impulses carried over are yet to be applied in this step
         hit=ti.i32,  # rigid: 1 = some pair did, in the last round
         done=ti.i32,  # steps since the start
         half=ti.i32,  # which half of the pair table is in use, 0 or 1

@@ -1,0 +1,37 @@
+"""The hard cases of `taichi-sand stress` that are cheap, and that a failing case is told."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from taichi_sand.cli import app
+from taichi_sand.study import stress
+
+QUICK = [("elastic", "md"), ("elastic", "rigid"), ("bullet-wall", "md"), ("bullet-wall", "rigid"), ("corners", "rigid")]
+
+
+@pytest.mark.parametrize(("name", "solver"), QUICK)
+def test_hard_case(name: str, solver: str) -> None:
+    """Every gate of the case holds at tolerance 0.05 (physics.md C)."""
+    (one,) = stress.rows(name, [solver], [0.05])
+    row = stress.run(*one)
+    assert row.passed, (row.error, [gate for gate in row.gates if not gate.passed])
+
+
+def test_failing_case_exits_1(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A gate that does not hold is a failure of the physics; a case that raises is one too."""
+    bad = stress.Case("bad", "", lambda solver: iter([stress.Gate("x", float("nan"), 1.0)]), True)
+    worse = stress.Case("worse", "", lambda solver: iter([1 / 0]), True)
+    monkeypatch.setattr(stress, "rows", lambda *given: [(bad, "md", 0.05), (worse, "md", 0.05)])
+    done = CliRunner().invoke(app, ["stress", "--json"])
+    assert done.exit_code == 1
+    first, second = json.loads(done.stdout)
+    assert not first["passed"] and not second["passed"]
+    assert "ZeroDivisionError" in second["error"]
+
+
+def test_unknown_case_exits_2() -> None:
+    """A name that no case has is wrong input."""
+    done = CliRunner().invoke(app, ["stress", "--only", "nonsense"])
+    assert done.exit_code == 2
