@@ -131,7 +131,7 @@ class Simulation:
         while (left := round((end - self.time) / self.step)) > 0:  # the step may change on the way
             self.advance_steps(min(left, self._steps_to_look(), max(1, round(1 / (30 * self.step))) if progress else left))
             if progress:
-                progress(min(1.0, (self.time - start) / seconds))
+                progress(1.0 if end - self.time < 0.5 * self.step else (self.time - start) / seconds)
 
     def advance_steps(self, count: int) -> None:
         """Simulates `count` steps, with the pauses in which effects act."""

@@ -76,20 +76,25 @@ def pack(scene: Scene) -> Pack:
     _check_number(scene, 0, sum(map(len, parts)))
     columns = [name for name in Pack.__dataclass_fields__ if name != "forms"]
     forms = tuple(scene.form(table.shape) for table in scene.grains)
-    whole = Pack(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in columns}, forms=forms)
-    part_coincident(whole)
-    return whole
+    return Pack(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in columns}, forms=forms)
 
 
-def part_coincident(grains: Pack) -> None:
-    """Moves grains whose centres coincide a little apart, each its own way, so that a contact has a direction (physics.md C7)."""
+def parted(grains: Pack, size: np.ndarray) -> np.ndarray:
+    """Positions (n, 2) [m] in a box of `size`; centres that coincide lie a little apart, so that contacts have a direction.
+
+    Each is moved its own way, by some thousandths of its diameter (physics.md C7).
+    """
+    position = grains.position.copy()
     if not len(grains):
-        return
+        return position
     least = COINCIDENT * 2 * float(grains.radius.min())
     first, second = close_pairs(grains.position, grains.position, least)
     alike = np.unique(first[first != second])
     way = alike * np.pi * (3 - np.sqrt(5))  # the golden angle: no two ways are alike
-    grains.position[alike] += 2 * least * np.stack([np.cos(way), np.sin(way)], axis=1)
+    moved = position[alike] + 2 * least * np.stack([np.cos(way), np.sin(way)], axis=1)
+    inside = (position[alike] >= 0) & (position[alike] <= size)
+    position[alike] = np.where(inside, size - np.abs(size - np.abs(moved)), moved)  # mirrored at the edges
+    return position
 
 
 def _is_given(table: Grains) -> bool:

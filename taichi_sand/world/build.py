@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from taichi_sand.scene.packing import Pack
+from taichi_sand.scene.packing import Pack, parted
 from taichi_sand.world import flags
 from taichi_sand.world.clumps import build_shapes
 from taichi_sand.world.grid import allocate_grid
@@ -135,11 +135,12 @@ def fill(world: World, pack: Pack) -> None:
     """Puts the grains of `pack` into slots 0, 1, …"""
     count, g = len(pack.radius), world.grains
     spacing = np.array(world.box[None].spacing.to_list())
-    site = np.floor(pack.position / spacing).astype(np.int32)
+    position = parted(pack, np.array(world.box[None].size.to_list()))
+    site = np.floor(position / spacing).astype(np.int32)
     movable = ~pack.fixed
     columns = {
         "site": site,
-        "offset": pack.position - (site + 0.5) * spacing,
+        "offset": position - (site + 0.5) * spacing,
         "twist": np.column_stack([pack.velocity, pack.spin, np.zeros(count)]) * movable[:, None],
         "angle": pack.angle,
         "radius": pack.radius,
