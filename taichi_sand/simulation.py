@@ -203,6 +203,7 @@ class Simulation:
         self.renew()
 
     def set_numbers(self, values: dict[str, float]) -> None:
+        """Gives the solver and the effects these live numbers; the step and the speed cap are those of `numbers`."""
         constants, pace = self.solver.constants, self.world.pace
         known = constants.keys
         for name, value in values.items():

@@ -14,11 +14,11 @@ from taichi_sand.scene.scatter import Taken
 from taichi_sand.scene.shapes import BUILT_IN, form
 from taichi_sand.simulation import Simulation
 from taichi_sand.world import census, hand
+from taichi_sand.world.build import EARTH
 
 if TYPE_CHECKING:
     from taichi_sand.play.session import Session
 
-EARTH = 9.81
 """Forces of the hand go with the gravity of the scene, or with this one [m/s2] where the scene has less."""
 GRAB_HZ, GRAB_DAMPING = 5.0, 0.7
 """Frequency and damping ratio of a grain on the spring of the hand."""

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sand.study.laboratory import OPEN, Disc, G, M, R, chain_forces, simulate
+from taichi_sand.study.laboratory import OPEN, D, Disc, G, M, R, chain_forces, simulate
 from taichi_sand.study.stress import EXPLOSION, Gate, Watch, case, inside
 
-D = 2 * R
 DOWN = (0.0, -G)
 UNIT = math.sqrt(G * D)
 """Speed sqrt(g d) [m/s]."""
