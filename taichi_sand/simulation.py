@@ -12,14 +12,14 @@ import numpy as np
 import taichi as ti
 
 from taichi_sand import effects as effect_modules
+from taichi_sand.readings import Readings
 from taichi_sand.scene.packing import pack
 from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers import choose
 from taichi_sand.solvers.tolerance import Bed, bed_of, depth_of
 from taichi_sand.world import checkpoint, device
 from taichi_sand.world import hand as hands
-from taichi_sand.world.build import check_periodic, fill, make_world, read_grains
-from taichi_sand.world.flags import sentences
+from taichi_sand.world.build import check_periodic, fill, make_world
 from taichi_sand.world.motion import close_step
 from taichi_sand.world.naps import called
 from taichi_sand.world.pairs import search, search_now
@@ -53,7 +53,7 @@ def step_alone(w: ti.template(), s: ti.template()):
     close_step(w)
 
 
-class Simulation:
+class Simulation(Readings):
     """A scene in motion.
 
     Args:
@@ -249,66 +249,6 @@ class Simulation:
             self.clock["compile" if name == "compile" else "wall"] += spent
             if name != "compile":
                 self.clock["stages"][name] = self.clock["stages"].get(name, 0.0) + spent
-
-    def _grains(self) -> dict[str, np.ndarray]:
-        return read_grains(self.world)
-
-    @property
-    def positions(self) -> np.ndarray:
-        """Centres [m], shape (n, 2), in the order in which the scene made the grains, as all that follow."""
-        return self._grains()["position"]
-
-    @property
-    def velocities(self) -> np.ndarray:
-        """[m/s], shape (n, 2)."""
-        return self._grains()["velocity"]
-
-    @property
-    def angles(self) -> np.ndarray:
-        """[rad], shape (n,); whole turns are not counted."""
-        return self._grains()["angle"]
-
-    @property
-    def spins(self) -> np.ndarray:
-        """Angular velocities [rad/s], shape (n,)."""
-        return self._grains()["spin"]
-
-    @property
-    def radii(self) -> np.ndarray:
-        """[m], shape (n,)."""
-        return self._grains()["radius"].astype(float)
-
-    @property
-    def ids(self) -> np.ndarray:
-        """Ids of the grains still there, shape (n,); the other arrays hold their rows in this order."""
-        return self._grains()["id"]
-
-    @property
-    def count(self) -> int:
-        """Grains present."""
-        return int(self.world.count[None])
-
-    @property
-    def lost(self) -> int:
-        """Grains that left through open edges."""
-        return self.made - self.removed - self.count
-
-    def flags(self) -> list[str]:
-        """What went wrong so far, a sentence each; empty when all is well."""
-        return sentences(self.world.flags, self.step, self.numbers["speed_cap"])
-
-    def report(self) -> dict[str, Any]:
-        """What the simulation did, how well and at what cost; the keys are those of `taichi-sand run --json`."""
-        from taichi_sand.measure.report import report
-
-        with self._stage("measure"):
-            return report(self)
-
-    def image(self) -> np.ndarray:
-        """The picture of this moment, (height, width, 3) uint8."""
-        from taichi_sand.view.picture import image
-
-        return image(self)
 
     def _fields(self) -> dict[str, Any]:
         return checkpoint.fields_of((self.world, self.solver), "")

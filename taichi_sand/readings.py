@@ -1,0 +1,80 @@
+"""What can be read from a simulation: its grains as arrays, its report, its picture."""
+
+from typing import Any
+
+import numpy as np
+
+from taichi_sand.world.build import read_grains
+from taichi_sand.world.flags import sentences
+from taichi_sand.world.tables import World
+
+
+class Readings:
+    """The readable side of `Simulation`."""
+
+    world: World
+    numbers: dict[str, float]
+    made: int
+    removed: int
+    step: float
+    _stage: Any
+
+    def _grains(self) -> dict[str, np.ndarray]:
+        return read_grains(self.world)
+
+    @property
+    def positions(self) -> np.ndarray:
+        """Centres [m], shape (n, 2), in the order in which the scene made the grains, as all that follow."""
+        return self._grains()["position"]
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """[m/s], shape (n, 2)."""
+        return self._grains()["velocity"]
+
+    @property
+    def angles(self) -> np.ndarray:
+        """[rad], shape (n,); whole turns are not counted."""
+        return self._grains()["angle"]
+
+    @property
+    def spins(self) -> np.ndarray:
+        """Angular velocities [rad/s], shape (n,)."""
+        return self._grains()["spin"]
+
+    @property
+    def radii(self) -> np.ndarray:
+        """[m], shape (n,)."""
+        return self._grains()["radius"].astype(float)
+
+    @property
+    def ids(self) -> np.ndarray:
+        """Ids of the grains still there, shape (n,); the other arrays hold their rows in this order."""
+        return self._grains()["id"]
+
+    @property
+    def count(self) -> int:
+        """Grains present."""
+        return int(self.world.count[None])
+
+    @property
+    def lost(self) -> int:
+        """Grains that left through open edges."""
+        return self.made - self.removed - self.count
+
+    def flags(self) -> list[str]:
+        """What went wrong so far, a sentence each; empty when all is well."""
+        return sentences(self.world.flags, self.step, self.numbers["speed_cap"])
+
+    def report(self) -> dict[str, Any]:
+        """What the simulation did, how well and at what cost; the keys are those of `taichi-sand run --json`."""
+        from taichi_sand.measure.report import report
+
+        with self._stage("measure"):
+            return report(self)
+
+    def image(self) -> np.ndarray:
+        """The picture of this moment, (height, width, 3) uint8."""
+        from taichi_sand.view.picture import image
+
+        return image(self)
