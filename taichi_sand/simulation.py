@@ -17,7 +17,7 @@ from taichi_sand.scene.packing import pack
 from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers import choose
 from taichi_sand.solvers.tolerance import Bed, bed_of, depth_of
-from taichi_sand.world import checkpoint, device
+from taichi_sand.world import census, checkpoint, device
 from taichi_sand.world import hand as hands
 from taichi_sand.world.build import check_periodic, fill, make_world
 from taichi_sand.world.motion import close_step
@@ -114,6 +114,7 @@ class Simulation(Readings):
         if self.world.layout != "one":
             step_alone(self.world, self.solver)  # only compiles: a step that finds its search spent does nothing
         self._march(0)
+        census.places(self.world)  # only compiles
 
     @property
     def step(self) -> float:
@@ -164,12 +165,11 @@ class Simulation(Readings):
         """Stiffness and step follow the depth of a pile that has grown."""
         if not self.count or not self.bed.gravity or (self.world.sleeps and not self.world.naps.state[None].awake):
             return
-        grains = self._grains()
-        free = grains["mobility"][:, 0] > 0
+        numbers, whole = census.places(self.world)
+        free = whole[:, 2] == 0
         if free.any():
-            depth = depth_of(
-                grains["position"][free], (grains["radius"] * self.sizes[grains["kind"]])[free].astype(float), self.scene.gravity
-            )
+            radius = numbers[:, 2] * self.sizes[whole[:, 1]]
+            depth = depth_of(numbers[free, :2], radius[free], self.scene.gravity)
             if depth > GROWTH * self.bed.depth:
                 self._adopt(self.scene, replace(self.bed, depth=depth), {})
 
