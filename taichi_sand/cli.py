@@ -136,7 +136,9 @@ def render(
     seconds: Seconds = None,
     fps: Annotated[int | None, typer.Option("--fps", help="Frames in a simulated second.")] = None,
     width: Annotated[int | None, typer.Option("--width", help="Pixels; the height follows.")] = None,
-    color: Annotated[str | None, typer.Option("--color", help="kind, speed, energy, force, pressure, rotation or order.")] = None,
+    color: Annotated[
+        str | None, typer.Option("--color", help="kind, speed, energy, force, pressure, rotation, order, temperature or moisture.")
+    ] = None,
     overrides: Overrides = None,
     effect: Effects = None,
     arch: Arch = "cpu",

@@ -2,10 +2,11 @@
 
 A module declares PARAMETERS (scene.parameters.Parameter), SOLVERS (those it fits), and if need be TURNS = True (it can turn grains),
 SLEEPS = True (it lets grains sleep), NEUTRAL (values at which it does nothing), memory(values, solver), how many columns that follow a
-pair it needs, and reach(values), how far apart grains act on one another, in mean diameters. build(values, columns, solver) makes the
-object whose methods are the hooks. HOOKS is the closed list of them; all but `between` are ti.funcs that the solver folds into its own
-kernels. Their argument w is the world, c the numbers of the solver and the live parameters (`mu` of friction is c.friction_mu), p a row
-of the pair table.
+pair it needs, carried(values), names of the columns that follow a grain (w.carried.name) with what a grain starts with, reach(values),
+how far apart grains act on one another, in mean diameters, and misfit(scene), why it does not fit a scene, or "". build(values, columns,
+solver) makes the object whose methods are the hooks. HOOKS is the closed list of them; all but `between` are ti.funcs that the solver
+folds into its own kernels. Their argument w is the world, c the numbers of the solver and the live parameters (`mu` of friction is
+c.friction_mu), p a row of the pair table.
 """
 
 import importlib
@@ -27,6 +28,8 @@ HOOKS = {
         "tangent": "(w, c, p, wall, normal_force, slip, stiffness, dashpot): tangential force on the second grain of pair p [N]",
         "couple": "(w, c, p, normal_force, roll, radius, stiffness, inertia): torque on the second grain of pair p [N m]",
         "release": "(w, p): pair p does not touch",
+        "stored": "(w, c, p, overlap, stiffness): elastic energy that the effect holds in pair p [J]; asked for if some effect has `store`",
+        "store": "(w, p, energy): pair p now holds this much elastic energy [J], effects included; returns what it held before",
     },
     "rigid": {
         "floor": "(w, c, p, gap, middle): lowest normal impulse [N s], for the gap now and amid the step; 0, 0 at an impact",
@@ -34,6 +37,7 @@ HOOKS = {
         "spin_cone": "(w, c, p, normal, radius): largest angular impulse [N m s]; the column `torque` keeps what is carried [N m]",
     },
     "both": {
+        "heat": "(w, i, energy): contacts have turned so much energy of motion into heat of grain i [J]; see world.ledger",
         "body": "(w, c, i): force and torque on grain i in every step, as a wrench [N, N, N m, 0]",
         "between": "(world, solver): Python, between launches, every `interval` seconds of simulated time",
     },
@@ -108,6 +112,10 @@ def check(scene: Any) -> dict[str, dict[str, Any]]:
                 key, f"does not fit the {kind} solver, only {' and '.join(effect.SOLVERS)}; what fits {kind}: {', '.join(fitting(kind))}"
             )
         tables[name] = check_table(f"{scene.source}: {key}" if scene.source else key, table, effect.PARAMETERS)
+    for name in tables:
+        wrong = module(name).misfit(scene) if hasattr(module(name), "misfit") else ""
+        if wrong:
+            raise scene.error(f"effects.{name}", wrong)
     if sleeps(tables) and any(table.shape != "disc" for table in scene.grains):
         raise scene.error("effects.sleeping", "does not fit grains of several discs")
     return tables
@@ -139,9 +147,18 @@ def reach(tables: Mapping[str, Any]) -> float:
     return max((module(name).reach(values) for name, values in tables.items() if hasattr(module(name), "reach")), default=0.0)
 
 
+def carried(tables: Mapping[str, Any]) -> dict[str, float]:
+    """Columns that follow a grain, and what a grain starts with."""
+    found = {}
+    for name, values in tables.items():
+        if hasattr(module(name), "carried"):
+            found |= module(name).carried(values)
+    return found
+
+
 def structure(tables: Mapping[str, Any]) -> dict[str, Any]:
     """What the world must know of these effects, as keywords of make_world."""
-    return {"sleeps": sleeps(tables), "reach": reach(tables)}
+    return {"sleeps": sleeps(tables), "reach": reach(tables), "carried": carried(tables)}
 
 
 def build(name: str, values: dict[str, Any], memory: Sequence[Any], kind: str) -> Any:

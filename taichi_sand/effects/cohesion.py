@@ -45,6 +45,13 @@ class Cohesion:
         return -self.pull(w, c, p, -overlap, -overlap)
 
     @ti.func
+    def stored(self, w: ti.template(), c: ti.template(), p, overlap, stiffness):
+        """Energy that it takes to bring the bridge from touch to where it is [J]."""
+        gap = at_least(0.0, -overlap)
+        way = ti.select(overlap > 0.0, -overlap, gap - 0.5 * gap * gap / w.box[None].bridge)
+        return ti.select(self.bridge[p] > 0.0, c.cohesion_bond * w.box[None].weight * way, 0.0)
+
+    @ti.func
     def floor(self, w: ti.template(), c: ti.template(), p, gap, middle):
         """Lowest normal impulse."""
         return -c.step * self.pull(w, c, p, gap, middle)

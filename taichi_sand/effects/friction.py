@@ -74,6 +74,14 @@ class Friction:
             self.spring[p] = 0.0
 
     @ti.func
+    def stored(self, w: ti.template(), c: ti.template(), p, overlap, stiffness):
+        """Energy of the tangential spring [J]."""
+        energy = 0.0
+        if ti.static(self.model == "spring"):
+            energy = 0.5 * SPRING * stiffness * self.spring[p] * self.spring[p]
+        return energy
+
+    @ti.func
     def cone(self, w: ti.template(), c: ti.template(), p, wall: ti.template(), normal):
         """Largest tangential impulse for a normal one."""
         return self.coefficient(w, c, p, wall) * normal

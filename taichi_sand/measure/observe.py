@@ -9,6 +9,7 @@ import taichi as ti
 
 from taichi_sand.world.clumps import disc_around, discs_around
 from taichi_sand.world.geometry import distance_to_second, mobility, perp, spin, velocity
+from taichi_sand.world.sweep import block_count
 
 MASS, PX, PY, SPIN, KINETIC, POTENTIAL, SPEED2, HEIGHT, LOWEST, MOVING = range(10)
 """Columns of the sums over grains."""
@@ -32,15 +33,6 @@ FULL = 1 << 22
 
 
 @ti.func
-def blocks_in_use(w: ti.template()):
-    """Blocks of the sweep that hold rows: of cells, those the last search laid."""
-    count = ti.static(w.blocks.pair_start.shape[0])
-    if ti.static(w.layout == "cells"):
-        count = w.grid.columns[None] * w.grid.rows[None] + ti.static(w.sleeps)
-    return count
-
-
-@ti.func
 def place(w: ti.template(), frame: ti.template(), i, real: ti.template()):
     """Centre of grain i [m], in the type `real`."""
     g = ti.static(w.grains)
@@ -52,7 +44,7 @@ def place(w: ti.template(), frame: ti.template(), i, real: ti.template()):
 @ti.kernel
 def sum_grains(w: ti.template(), frame: ti.types.ndarray(), sums: ti.types.ndarray(), real: ti.template()):
     """sums[b, column] over the grains of block b that can move; LOWEST over all grains."""
-    for b in range(blocks_in_use(w)):
+    for b in range(block_count(w)):
         lowest = ti.cast(1e30, real)
         fastest = ti.cast(0.0, real)
         total = ti.Vector.zero(real, 9)
@@ -84,6 +76,14 @@ def sum_grains(w: ti.template(), frame: ti.types.ndarray(), sums: ti.types.ndarr
         sums[b, SPEED2] = fastest
         sums[b, LOWEST] = lowest
         sums[b, MOVING] = total[8]
+
+
+@ti.kernel
+def weigh_grains(w: ti.template(), mass: ti.types.ndarray()):
+    """Mass of every grain by its slot [kg]; 0 of a fixed one."""
+    ti.loop_config(serialize=True)
+    for i in range(w.count[None]):
+        mass[i] = 1.0 / mobility(w, i).x if mobility(w, i).x > 0.0 else 0.0
 
 
 @ti.func
@@ -134,7 +134,7 @@ def observe(
 @ti.kernel
 def sum_pairs(w: ti.template(), frame: ti.types.ndarray(), sums: ti.types.ndarray(), overlaps: ti.types.ndarray(), real: ti.template()):
     """sums[b, column] over the pairs of block b, and every pair's overlap by its row within the half in use."""
-    for b in range(blocks_in_use(w)):
+    for b in range(block_count(w)):
         total = ti.Vector.zero(real, PAIR_COLUMNS)
         base = w.pace[None].half * w.half
         if ti.static(w.sleeps):
@@ -150,7 +150,7 @@ def sum_pairs(w: ti.template(), frame: ti.types.ndarray(), sums: ti.types.ndarra
 @ti.kernel
 def count_bearing(w: ti.template(), least: ti.f32, bearing: ti.types.ndarray()):
     """bearing[i] += 1 for every contact of grain i that pushes with more than `least` [N]."""
-    for b in range(blocks_in_use(w)):
+    for b in range(block_count(w)):
         for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
             if w.pairs.force[p].x > least:
                 ti.atomic_add(bearing[w.pairs.first[p]], 1)
@@ -169,7 +169,7 @@ def carries(w: ti.template(), i, bearing: ti.template()):
 @ti.kernel
 def count_ends(w: ti.template(), least: ti.f32, bearing: ti.types.ndarray(), ends: ti.types.ndarray()):
     """ends[b, 0]: ends of bearing contacts at moving grains that are no rattlers; ends[b, 1]: such grains."""
-    for b in range(blocks_in_use(w)):
+    for b in range(block_count(w)):
         met = 0
         grains = 0
         for i in range(w.blocks.grain_start[b], w.blocks.grain_end[b]):

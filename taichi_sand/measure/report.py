@@ -17,6 +17,8 @@ normal force exceeds 1e-3 of the mean one; a rattler has fewer than two such con
 Up is against gravity (+y without gravity).
 `floor_force_N`: downward force on the walls that rise less than 80 degrees, friction included; a bed at rest between smooth sides
 gives its weight.
+`heat_J`, `wetness_mean`: only with the effects `heat` and `moisture`: energy that contacts have turned into heat, of the grains present;
+mean wetness, weighted by mass.
 `wall_force_N`: sum over all wall contacts of the size of their force.
 Forces are those of the last step. Sums are in f64 on the CPU and CUDA.
 """
@@ -142,6 +144,26 @@ def cost(sim: Any) -> dict[str, Any]:
     }
 
 
+def carried(sim: Any) -> dict[str, float]:
+    """What grains that can move carry for effects: heat [J], and water as their mean wetness, by mass."""
+    w = sim.world
+    names = [name for name in ("temperature", "warmth", "wetness") if hasattr(w.carried, name)]
+    if not names:
+        return {}
+    mass = np.zeros(w.capacity, np.float32)
+    observe.weigh_grains(w, mass)
+    count = sim.count
+    sums = {
+        name: float((getattr(w.carried, name).to_numpy()[:count] * (mass[:count] if name != "warmth" else 1.0)).sum()) for name in names
+    }
+    found = {}
+    if "temperature" in sums:
+        found["heat_J"] = sums["temperature"] * sim.solver.constants[None].heat_capacity + sums["warmth"]
+    if "wetness" in sums:
+        found["wetness_mean"] = sums["wetness"] / max(float(mass[:count].sum()), 1e-30)
+    return found
+
+
 def report(sim: Any) -> dict[str, Any]:
     """Every observable of `sim`, a Simulation, as it stands now; the keys are those of design.md section 6."""
     return {
@@ -154,6 +176,7 @@ def report(sim: Any) -> dict[str, Any]:
         "depth": float(sim.bed.depth),
         **contacts(sim),
         **motion(sim),
+        **carried(sim),
         "packing_fraction": packing_fraction(sim),
         "step_s": float(sim.step),
         **cost(sim),

@@ -8,6 +8,7 @@ import numpy as np
 import taichi as ti
 
 from taichi_sand.world.geometry import mobility, movable, position, spin, velocity
+from taichi_sand.world.sweep import block_count
 from taichi_sand.world.tables import World
 
 NEAR = 1.3
@@ -47,6 +48,16 @@ def pressure(world: World, out: np.ndarray) -> None:
     force_to_pressure(world, out)
 
 
+def temperature(world: World, out: np.ndarray) -> None:
+    """Temperature above that of the start [K]."""
+    fill_carried(world, world.carried.temperature, out)
+
+
+def moisture(world: World, out: np.ndarray) -> None:
+    """Wetness of the grain, 0 .. 1."""
+    fill_carried(world, world.carried.wetness, out)
+
+
 def order(world: World, out: np.ndarray) -> None:
     """psi6 = |mean of exp(6 i theta) over the neighbours| (physics.md B13): 1 in a hexagonal crystal, 0.37 at random places.
 
@@ -66,21 +77,20 @@ def order(world: World, out: np.ndarray) -> None:
     fill_order(world, places, cell, members, start, cells[0], cells[1], out)
 
 
-@ti.func
-def block_count(w: ti.template()):
-    """Blocks of the sweep that are in use: together they hold every pair once."""
-    count = w.blocks.pair_start.shape[0]
-    if ti.static(w.layout == "cells"):
-        count = w.grid.columns[None] * w.grid.rows[None] + ti.static(w.sleeps)
-    return count
-
-
 @ti.kernel
 def fill_speed(w: ti.template(), out: Rows):
     """See `speed`."""
     ti.loop_config(serialize=True)
     for i in range(w.count[None]):
         out[i] = ti.cast(velocity(w, i).norm(), ti.f32)
+
+
+@ti.kernel
+def fill_carried(w: ti.template(), column: ti.template(), out: Rows):
+    """A column that grains carry."""
+    ti.loop_config(serialize=True)
+    for i in range(w.count[None]):
+        out[i] = ti.cast(column[i], ti.f32)
 
 
 @ti.kernel

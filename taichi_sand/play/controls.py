@@ -9,7 +9,7 @@ from taichi_sand.play.keys import BY_KEY
 from taichi_sand.play.panel import Zone
 from taichi_sand.scene import loading
 from taichi_sand.scene.errors import SandError
-from taichi_sand.view.views import KIND, VIEWS
+from taichi_sand.view.views import views_of
 
 if TYPE_CHECKING:
     from taichi_sand.play.window import Window
@@ -176,7 +176,7 @@ class Controls:
 
     def next_view(self) -> None:
         """Other colours."""
-        names = [KIND, *VIEWS]
+        names = views_of(self.session.sim.world)
         self.do("look", "color", names[(names.index(self.session.look["color"]) + 1) % len(names)])
 
     def help(self) -> None:

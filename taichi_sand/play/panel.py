@@ -11,7 +11,7 @@ from taichi_sand.play.knobs import Knob
 from taichi_sand.play.sheet import ACCENT, ATTENTION, DIM, GOOD, GROUND, IDLE, PANEL, TEXT, WRONG, Sheet
 from taichi_sand.play.tools import TOOLS
 from taichi_sand.view.caption import number_text, text_tile
-from taichi_sand.view.views import KIND, VIEWS
+from taichi_sand.view.views import views_of
 
 if TYPE_CHECKING:
     from taichi_sand.play.session import Session
@@ -127,7 +127,7 @@ class Panel:
     def _views(self, session: "Session") -> None:
         look = session.look
         self._head("VIEW")
-        names = [KIND, *VIEWS]
+        names = views_of(session.sim.world)
         self._buttons([(name, "", look["color"] == name, {"action": ("look", "color", name)}) for name in names], 4)
         self._buttons([(text, "", look[key], {"action": ("look", key, not look[key])}) for key, text in SWITCHES.items()], 3)
         self.sheet.text(self.left, self.y, "space pause · z undo · h help", 11, DIM)

@@ -20,6 +20,7 @@ from taichi_sand.play.tools import TOOLS, Brush, Stroke
 from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.schema import Scene
 from taichi_sand.simulation import Simulation
+from taichi_sand.view.views import KIND, views_of
 from taichi_sand.world import device
 
 MOST_BUILT = 6
@@ -137,6 +138,8 @@ class Session:
         if new is not self.sim:
             transfer.hand_over(self.sim, new, now)
             self.sim = new
+            if self.look["color"] not in views_of(new.world):
+                self.look["color"] = KIND
         self.retune(scene)
 
     def retune(self, scene: Scene) -> None:

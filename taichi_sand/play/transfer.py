@@ -12,7 +12,7 @@ from taichi_sand.simulation import Simulation
 from taichi_sand.solvers import choose
 from taichi_sand.world.checkpoint import read_field
 
-OVER = ("grains", "count", "flags")
+OVER = ("grains", "carried", "count", "flags")
 """Tables that go over; the others are made for the structure they belong to."""
 ROWS = ("pairs", "blocks")
 """And these, where both structures list pairs in tables of the same sizes."""
@@ -51,7 +51,8 @@ def hand_over(old: Simulation, new: Simulation, moment: Snapshot) -> None:
     rows = [name for name in tables if name.split(".")[2] in ROWS and "memory" not in name]
     same = all(name in targets and targets[name].shape == tables[name].shape for name in rows)
     for name, table in tables.items():
-        if name.split(".")[2] in OVER or (same and name in rows):
+        known = name in targets or name.split(".")[2] != "carried"  # by effects that only one of the two has
+        if known and (name.split(".")[2] in OVER or (same and name in rows)):
             copy(table, targets[name])
     if same:
         kept = dict(zip(columns_of(old), old.world.pairs.memory, strict=True))

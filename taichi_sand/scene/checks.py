@@ -118,6 +118,10 @@ def wall(table: "Wall") -> None:
             raise Wrong(f"points[{after}]", f" = {show(end)} is the same as the point before it")
 
 
+SHOWS = {"temperature": "heat", "moisture": "moisture"}
+"""Values of view.color that there are only with an effect."""
+
+
 def scene(table: "Scene") -> None:
     """What must lie inside the box, and edges that come in pairs."""
     if min(table.size) <= 0 or max(table.size) > LARGEST:
@@ -145,6 +149,9 @@ def scene(table: "Scene") -> None:
         _inside(table, f"walls[{index}].points", np.asarray(item.points))
         if item.friction is not None and "friction" not in table.effects:
             raise Wrong(f"walls[{index}].friction", f" = {item.friction:g} needs a table [effects.friction]")
+    shown = SHOWS.get(table.view.color)
+    if shown and shown not in table.effects:
+        raise Wrong("view.color", f' = "{table.view.color}" needs a table [effects.{shown}]')
 
 
 def _box(table: "Scene") -> str:

@@ -3,7 +3,8 @@
 import taichi as ti
 
 from taichi_sand.world.clumps import tilt, torques
-from taichi_sand.world.geometry import add, perp, spin, wrench
+from taichi_sand.world.geometry import perp, spin, wrench
+from taichi_sand.world.ledger import strike
 
 
 @ti.func
@@ -63,11 +64,8 @@ def slip_by(w: ti.template(), i, j, impulse, arm_i, arm_j, lever, wall: ti.templ
 
 
 @ti.func
-def give(w: ti.template(), i, j, impulse, normal, arm_i, arm_j, lever, wall: ti.template()):
+def give(w: ti.template(), s: ti.template(), i, j, impulse, normal, arm_i, arm_j, lever, wall: ti.template()):
     """Applies an impulse (normal, tangential) [N s] to the second grain of a pair, and its opposite to the first."""
-    g = ti.static(w.grains)
     push = impulse.x * normal + impulse.y * perp(normal)
     taken, given = torques(w, impulse, arm_i, arm_j, lever)
-    add(g.twist, i, -wrench(push, taken) * g.mobility[i])
-    if ti.static(not wall):
-        add(g.twist, j, wrench(push, given) * g.mobility[j])
+    strike(w, s, i, j, -wrench(push, taken), wrench(push, given), wall)

@@ -12,6 +12,7 @@ import taichi as ti
 
 from taichi_sand.world.clumps import head
 from taichi_sand.world.geometry import add, movable, wrench
+from taichi_sand.world.ledger import settle_work
 from taichi_sand.world.motion import check_speed, drift, fastest_spin, with_body
 from taichi_sand.world.sweep import each_grain, going, sweep
 
@@ -60,7 +61,9 @@ def kick_and_drift(w: ti.template(), s: ti.template(), c: ti.template(), start, 
     gravity = wrench(w.box[None].gravity, 0.0)
     h = c.step
     for i in range(start, end):
-        add(g.twist, i, h * acceleration(w, with_body(w, s, c, i, g.wrench[i], 1.0), gravity, i))
+        change = h * acceleration(w, with_body(w, s, c, i, g.wrench[i], 1.0), gravity, i)
+        settle_work(w, s, i, h * g.wrench[i], change)
+        add(g.twist, i, change)
         g.wrench[i] = ti.Vector([0.0, 0.0, 0.0, 0.0])
     drift(w, start, end)
 

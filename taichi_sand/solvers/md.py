@@ -15,6 +15,7 @@ from taichi_sand.solvers.integrators import INTEGRATORS, Stages, allocate_stages
 from taichi_sand.solvers.tolerance import Bed, md_numbers
 from taichi_sand.world.clumps import levers, rim, tilt, torques
 from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, perp, rolling, spin, velocity, wrench
+from taichi_sand.world.ledger import set_off, split
 from taichi_sand.world.tables import World, fill_struct
 
 MEMORY = 0
@@ -43,6 +44,7 @@ class MolecularDynamics:
     stages: Stages | None  # what RK4 keeps within a step
     effects: tuple
     step: Any  # ti.func of one step
+    books: bool  # whether an effect has the hook `heat`
 
 
 @ti.func
@@ -70,18 +72,20 @@ def damping(s: ti.template(), c: ti.template(), root_mass, overlap):
 
 
 @ti.func
-def load(w: ti.template(), i, j, force, normal, arm_i, arm_j, lever, wall: ti.template()):
+def load(w: ti.template(), s: ti.template(), c: ti.template(), i, j, force, normal, arm_i, arm_j, lever, wall: ti.template()):
     """Adds a force (normal, tangential) on the second grain, and its opposite on the first, to their loads."""
     push = force.x * normal + force.y * perp(normal)
     taken, given = torques(w, force, arm_i, arm_j, lever)
+    set_off(w, s, i, j, -c.step * wrench(push, taken), c.step * wrench(push, given), wall)
     add(w.grains.wrench, i, -wrench(push, taken))
     if ti.static(not wall):
         add(w.grains.wrench, j, wrench(push, given))
 
 
 @ti.func
-def turn(w: ti.template(), i, j, torque, wall: ti.template()):
+def turn(w: ti.template(), s: ti.template(), c: ti.template(), i, j, torque, wall: ti.template()):
     """Adds a torque on the second grain, and its opposite on the first, to their loads."""
+    set_off(w, s, i, j, -c.step * couple(torque), c.step * couple(torque), wall)
     add(w.grains.wrench, i, -couple(torque))
     if ti.static(not wall):
         add(w.grains.wrench, j, couple(torque))
@@ -118,11 +122,11 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
                     force.y += effect.tangent(w, c, p, wall, force.x, slip, stiffness, dashpot)
                 if ti.static(hasattr(effect, "couple")):
                     roll, radius, inertia = rolling(w, i, j, wall)
-                    turn(w, i, j, effect.couple(w, c, p, force.x, roll, radius, stiffness, inertia), wall)
+                    turn(w, s, c, i, j, effect.couple(w, c, p, force.x, roll, radius, stiffness, inertia), wall)
         for effect in ti.static(s.effects):
             if ti.static(hasattr(effect, "normal")):
                 force.x += effect.normal(w, c, p, overlap)
-        load(w, i, j, force, normal, arm_i, arm_j, lever, wall)
+        load(w, s, c, i, j, force, normal, arm_i, arm_j, lever, wall)
     else:
         for effect in ti.static(s.effects):
             if ti.static(hasattr(effect, "release")):
@@ -132,8 +136,25 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
                 lever = ti.Vector([0.0, 0.0, 0.0, 0.0])
                 if ti.static(w.clumps):
                     lever = levers(w, p, i, j, normal, 0.0, 0.0, wall)
-                load(w, i, j, force, normal, 0.0, 0.0, lever, wall)
+                load(w, s, c, i, j, force, normal, 0.0, 0.0, lever, wall)
     pairs.force[p] = force
+    hold(w, s, c, p, i, j, overlap, wall)
+
+
+@ti.func
+def hold(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, overlap, wall: ti.template()):
+    """Books what springs of pair p have taken up or given back since the last step: that is no heat."""
+    if ti.static(s.books):
+        stiffness, energy = 0.0, 0.0
+        if overlap > 0.0:
+            stiffness = elastic_stiffness(s, c, overlap)
+            energy = stiffness * overlap * overlap / (c.beta + 1.0)
+        for effect in ti.static(s.effects):
+            if ti.static(hasattr(effect, "stored")):
+                energy += effect.stored(w, c, p, overlap, stiffness)
+        for effect in ti.static(s.effects):
+            if ti.static(hasattr(effect, "store")):
+                split(w, s, i, j, effect.store(w, p, energy) - energy, wall)
 
 
 @ti.func
@@ -153,4 +174,5 @@ def build(scene: Any, values: dict[str, float], live: dict[str, float], own: lis
     solver = scene.solver
     constants = fill_struct(constants_type(world.real, live), {**values, **live})
     stages = allocate_stages(world.real, world.capacity) if solver.integrator == "rk4" else None
-    return MolecularDynamics(constants, solver.law, solver.k_d is None, INTEGRATORS[solver.integrator], stages, effects, step)
+    books = any(hasattr(effect, "heat") for effect in effects)
+    return MolecularDynamics(constants, solver.law, solver.k_d is None, INTEGRATORS[solver.integrator], stages, effects, step, books)

@@ -17,6 +17,7 @@ from taichi_sand.solvers.impulses import arms, give, levers_of, slip_by, slip_of
 from taichi_sand.solvers.tolerance import Bed, rigid_numbers
 from taichi_sand.world.clumps import torques, weigh
 from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, movable, perp, rolling, velocity, within, wrench
+from taichi_sand.world.ledger import set_off, settle_work, strike
 from taichi_sand.world.motion import drift, with_body
 from taichi_sand.world.sweep import each_grain, going, nothing, sweep
 from taichi_sand.world.tables import World, fill_struct
@@ -55,6 +56,7 @@ class Rigid:
     reference: Any  # column of the pair table: slow reference of the normal force [N]
     effects: tuple
     step: Any  # ti.func of one step
+    books: bool  # whether an effect has the hook `heat`
 
 
 @ti.func
@@ -66,7 +68,9 @@ def kick(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
     gravity = wrench(w.box[None].gravity * c.step, 0.0)
     early = 1.0 - ti.cast(w.pace[None].impacts, w.real)
     for i in range(start, end):
-        add(g.twist, i, with_body(w, s, c, i, early * g.wrench[i], c.step) * g.mobility[i] + gravity * movable(w, i))
+        change = with_body(w, s, c, i, early * g.wrench[i], c.step) * g.mobility[i] + gravity * movable(w, i)
+        settle_work(w, s, i, early * g.wrench[i], change)
+        add(g.twist, i, change)
 
 
 @ti.func
@@ -75,6 +79,7 @@ def guess(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
     g = ti.static(w.grains)
     if w.pace[None].guess == 1:
         for i in range(start, end):
+            settle_work(w, s, i, g.wrench[i], g.wrench[i] * g.mobility[i])
             add(g.twist, i, g.wrench[i] * g.mobility[i])
 
 
@@ -141,7 +146,7 @@ def collide(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
             slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall) + slip_by(w, i, j, impulse.x, arm_i, arm_j, lever, wall)
             bound = cone(w, s, c, p, wall, impulse.x)
             impulse.y = within(bound, -pairs.mass_t[p] * slip)
-        give(w, i, j, impulse, normal, arm_i, arm_j, lever, wall)
+        give(w, s, i, j, impulse, normal, arm_i, arm_j, lever, wall)
         lowest(w, s, c, p, 0.0, 0.0)  # they touch
         w.pace[None].hit = 1
 
@@ -175,7 +180,7 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
             slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall) + slip_by(w, i, j, new.x - carried.x, arm_i, arm_j, lever, wall)
             bound = cone(w, s, c, p, wall, new.x - low)
             new.y = within(bound, carried.y - pairs.mass_t[p] * slip)
-        give(w, i, j, new - carried, normal, arm_i, arm_j, lever, wall)
+        give(w, s, i, j, new - carried, normal, arm_i, arm_j, lever, wall)
         resist_rolling(w, s, c, p, i, j, new.x - low, wall)
         carried = new
         pairs.force[p] = carried * c.rate
@@ -188,15 +193,12 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
 @ti.func
 def resist_rolling(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, normal, wall: ti.template()):
     """Solves pair p for its angular impulses, each within its cone."""
-    g = ti.static(w.grains)
     for effect in ti.static(s.effects):
         if ti.static(hasattr(effect, "spin_cone")):
             roll, radius, inertia = rolling(w, i, j, wall)
             carried = effect.torque[p] * c.step
             new = within(effect.spin_cone(w, c, p, normal, radius), carried - inertia * roll)
-            add(g.twist, i, -couple(new - carried) * g.mobility[i])
-            if ti.static(not wall):
-                add(g.twist, j, couple(new - carried) * g.mobility[j])
+            strike(w, s, i, j, -couple(new - carried), couple(new - carried), wall)
             effect.torque[p] = new * c.rate
 
 
@@ -223,12 +225,12 @@ def relax(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.temp
     goal = REFERENCE_SHARE * at_least(0.0, carried.x) * c.rate
     crept = s.reference[p] + c.reference_rate * (goal - s.reference[p])
     s.reference[p] = ti.select(crept < goal, crept, goal)
-    lay_by(w, s, c, p, carried, wall)
+    lay_by(w, s, c, p, carried, wall, True)
 
 
 @ti.func
-def lay_by(w: ti.template(), s: ti.template(), c: ti.template(), p, carried, wall: ti.template()):
-    """Adds the impulse that pair p carries to what its grains start the next step with."""
+def lay_by(w: ti.template(), s: ti.template(), c: ti.template(), p, carried, wall: ti.template(), anew: ti.template()):
+    """Adds the impulse that pair p carries to what its grains start the next step with; `anew` in every step, once."""
     pairs = ti.static(w.pairs)
     g = ti.static(w.grains)
     if carried.x != 0.0:
@@ -239,20 +241,22 @@ def lay_by(w: ti.template(), s: ti.template(), c: ti.template(), p, carried, wal
         arm_i, arm_j = arms(w, i, j, gap, lever, wall)
         push = carried.x * normal + carried.y * perp(normal)
         taken, given = torques(w, carried, arm_i, arm_j, lever)
-        add(g.wrench, i, -wrench(push, taken))
-        if ti.static(not wall):
-            add(g.wrench, j, wrench(push, given))
+        first, second = -wrench(push, taken), wrench(push, given)
         for effect in ti.static(s.effects):
             if ti.static(hasattr(effect, "spin_cone")):
-                add(g.wrench, i, -couple(effect.torque[p] * c.step))
-                if ti.static(not wall):
-                    add(g.wrench, j, couple(effect.torque[p] * c.step))
+                first -= couple(effect.torque[p] * c.step)
+                second += couple(effect.torque[p] * c.step)
+        if ti.static(anew):
+            set_off(w, s, i, j, first, second, wall)
+        add(g.wrench, i, first)
+        if ti.static(not wall):
+            add(g.wrench, j, second)
 
 
 @ti.func
 def lay_by_again(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
     """The same for what the pair carried last, as a pair function of a sweep."""
-    lay_by(w, s, c, p, w.pairs.force[p] * c.step, wall)
+    lay_by(w, s, c, p, w.pairs.force[p] * c.step, wall, False)
 
 
 @ti.kernel
@@ -311,4 +315,5 @@ def numbers(scene: Any, bed: Bed) -> dict[str, float]:
 
 def build(scene: Any, values: dict[str, float], live: dict[str, float], own: list, effects: tuple, world: World) -> Rigid:
     """The solver for a world; `own` holds the columns of the pair table that MEMORY asked for, `live` the effects' live parameters."""
-    return Rigid(fill_struct(constants_type(world.real, live), {**values, **live}), own[0], effects, step)
+    constants = fill_struct(constants_type(world.real, live), {**values, **live})
+    return Rigid(constants, own[0], effects, step, any(hasattr(effect, "heat") for effect in effects))

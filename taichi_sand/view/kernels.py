@@ -6,10 +6,10 @@ All lists are NumPy arrays of the painter: the painter needs no room on the devi
 
 import taichi as ti
 
-from taichi_sand.measure.structure import block_count
 from taichi_sand.view.shapes import disc, lighter, line, mix
 from taichi_sand.world.clumps import disc_around, discs_around, turned
 from taichi_sand.world.geometry import mobility, movable, position
+from taichi_sand.world.sweep import block_count
 from taichi_sand.world.tables import CHUNK
 
 BANDS = 16

@@ -79,7 +79,7 @@ class Painter:
         edges: Sequence[bool] = (False, False, False, False),
         kinds: int = 1,
     ) -> None:
-        check_view(color)
+        check_view(color, world)
         self.world, self.color, self.force_chains = world, color, force_chains
         self.width, self.height = width, picture_height(size_m, width)
         self.scale = width / size_m[0]  # px/m

@@ -24,6 +24,7 @@ class View:
     stops: str  # of the colour map; "" = from the cold to the hot colour of the scene
     unit: str
     full: float | None = None  # top of the range; None = percentile 99 of what is there
+    carried: str = ""  # column that grains must carry for it: there only with the effect that has it
     least: float = 0.0  # the top never falls below this part of the highest one so far: what rests is shown at rest
 
 
@@ -34,14 +35,21 @@ VIEWS = {
     "pressure": View(structure.pressure, palette.INFERNO, "N/m"),
     "rotation": View(structure.orientation, palette.CYCLIC, "turn", full=1.0),
     "order": View(structure.order, palette.VIRIDIS, "", full=1.0),
+    "temperature": View(structure.temperature, palette.INFERNO, "K", carried="temperature"),
+    "moisture": View(structure.moisture, palette.DRY_TO_WET, "", full=0.3, carried="wetness"),
 }
 KIND = "kind"
 
 
-def check_view(color: str) -> None:
-    """Refuses a name that is no view, and says which there are."""
-    if color != KIND and color not in VIEWS:
-        names = [KIND, *VIEWS]
+def views_of(world: World) -> list[str]:
+    """Names of the views that there are of this world."""
+    return [KIND, *(name for name, view in VIEWS.items() if not view.carried or hasattr(world.carried, view.carried))]
+
+
+def check_view(color: str, world: World) -> None:
+    """Refuses a name that is no view of this world, and says which there are."""
+    names = views_of(world)
+    if color not in names:
         raise SandError(f"there is no view '{color}'{suggest(color, names)}; there are {', '.join(names)}")
 
 

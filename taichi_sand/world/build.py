@@ -1,6 +1,8 @@
 """Makes the World of a scene, and reads its grains back in the order of the scene."""
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -8,6 +10,7 @@ import taichi as ti
 
 from taichi_sand.scene.packing import Pack, parted
 from taichi_sand.world import flags
+from taichi_sand.world.carried import allocate_carried
 from taichi_sand.world.clumps import build_shapes
 from taichi_sand.world.grid import allocate_grid
 from taichi_sand.world.naps import allocate_naps
@@ -80,23 +83,39 @@ def most_discs(pack: Pack) -> int:
     return max((len(form.discs) for form in pack.forms), default=1)
 
 
+def edges_of(scene: Any) -> tuple[tuple[bool, ...], tuple[bool, ...]]:
+    """Which axes of the box are periodic (x, y), and which edges are open (left, right, bottom, top)."""
+    edges = [getattr(scene.edges, side) for side in SIDES]
+    return tuple(edges[k] == "periodic" for k in (0, 2)), tuple(edge == "open" for edge in edges)
+
+
 def make_world(
-    scene: Any, pack: Pack, extra: int, turns: bool, gpu: bool, room: int = 0, sleeps: bool = False, reach: float = 0.0
+    scene: Any,
+    pack: Pack,
+    extra: int,
+    turns: bool,
+    gpu: bool,
+    room: int = 0,
+    sleeps: bool = False,
+    reach: float = 0.0,
+    carried: Mapping[str, float] = MappingProxyType({}),
 ) -> World:
-    """World of `scene` with room for the grains of `pack` and `room` more; `extra` columns of the pair table follow a pair."""
+    """World of `scene` with room for the grains of `pack` and `room` more; `extra` columns of the pair table follow a pair.
+
+    `carried` names the columns that follow a grain, and what a grain starts with.
+    """
     real = ti.f64 if scene.solver.precision == 64 else ti.f32
     count = len(pack.radius)
     capacity = round_up(count + room + 1)
     radius, size = (pack.radius, pack.size) if count else 2 * (np.array([0.01 * min(scene.size)]),)
     largest, diameter = 2 * float(radius.max()), 2 * float(size.mean())
-    edges = [getattr(scene.edges, side) for side in SIDES]
-    periodic = (edges[0] == "periodic", edges[2] == "periodic")
+    periodic, open_edges = edges_of(scene)
     spacing, sites = lay_lattice(scene.size, diameter, capacity)
     least_cell, cells = plan_cells(scene.size, largest + reach * diameter, capacity)
     layout = "cells" if gpu else "strips" if count >= STRIPS_FROM else "one"
     cells, lanes = round_up(cells + 1), LANES[layout]
     blocks = {"one": 1, "strips": STRIPS, "cells": cells}[layout]
-    rows, wall_rows = PAIRS_PER_GRAIN * most_discs(pack), WALL_PAIRS_PER_GRAIN * most_discs(pack)
+    rows, wall_rows = (per * most_discs(pack) for per in (PAIRS_PER_GRAIN, WALL_PAIRS_PER_GRAIN))
     wall_half, wall_base = wall_rows * capacity, rows * (capacity + lanes * min(blocks, STRIPS))
     world = World(
         grains=allocate_grains(real, capacity, pack.clumps),
@@ -109,7 +128,7 @@ def make_world(
         count=ti.field(ti.i32, ()),
         box=box_type(real).field(shape=()),
         periodic=periodic,
-        open_edges=tuple(edge == "open" for edge in edges),
+        open_edges=open_edges,
         capacity=capacity,
         half=wall_base + wall_half,
         wall_base=wall_base,
@@ -119,6 +138,7 @@ def make_world(
         turns=turns or pack.clumps,
         clumps=pack.clumps,
         shapes=build_shapes(pack.forms, real) if pack.clumps else None,
+        carried=allocate_carried(real, capacity, carried),
         rows=rows,
         wall_rows=wall_rows,
         layout=layout,
@@ -126,8 +146,8 @@ def make_world(
         real=real,
     )
     numbers = {"spacing": spacing, "sites": sites, "diameter": diameter, "largest": largest, "least_cell": least_cell}
-    numbers |= {"bridge": reach * diameter, "weight": mean_weight(scene, pack)}
-    world.box[None] = {"size": scene.size, "gravity": scene.gravity, **numbers}
+    more = {"bridge": reach * diameter, "weight": mean_weight(scene, pack), "gravity": scene.gravity}
+    world.box[None] = {"size": scene.size, **numbers, **more}
     return world
 
 

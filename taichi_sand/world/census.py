@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from taichi_sand.world.carried import start_anew
 from taichi_sand.world.geometry import movable, position
 from taichi_sand.world.rest import wake
 from taichi_sand.world.tables import World
@@ -30,6 +31,7 @@ def put(w: ti.template(), numbers: ti.types.ndarray(), whole: ti.types.ndarray()
         g.angle[i], g.turn[i], g.radius[i] = numbers[k, 5], 0.0, numbers[k, 6]
         g.mobility[i] = ti.Vector([numbers[k, 7], numbers[k, 7], numbers[k, 8], 0.0])
         g.wrench[i] = ti.Vector([0.0, 0.0, 0.0, 0.0])
+        start_anew(w, i)
         for half in ti.static(range(2)):  # nobody remembers a pair of a grain that was not there
             w.pairs.row_count[half * w.capacity + i], w.pairs.wall_row_count[half * w.capacity + i] = 0, 0
 

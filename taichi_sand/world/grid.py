@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import taichi as ti
 
+from taichi_sand.world.carried import sort_along
 from taichi_sand.world.clumps import head
 from taichi_sand.world.flags import ESCAPED, flag
 from taichi_sand.world.geometry import position, present, velocity
@@ -174,6 +175,7 @@ def permute(w: ti.template(), count):
             w.naps.push[i].x = w.naps.still[grid.source[i]]
         for i in range(count):
             w.naps.still[i] = w.naps.push[i].x
+    sort_along(w, count)
 
 
 @ti.func

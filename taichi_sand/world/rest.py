@@ -4,6 +4,7 @@ from typing import Any
 
 import taichi as ti
 
+from taichi_sand.world.carried import move_along
 from taichi_sand.world.geometry import perp, position, wall_row
 from taichi_sand.world.grid import permute
 from taichi_sand.world.naps import ASLEEP, home, site_of, sleeper_block
@@ -45,6 +46,7 @@ def rouse(w: ti.template(), everybody: ti.i32):
         g.angle[i], g.turn[i], g.radius[i] = g.angle[j], 0.0, g.radius[j]
         g.mobility[i] = naps.mobility[j]
         naps.still[i] = 0.0 if called else ASLEEP
+        move_along(w, j, i)
         naps.origin[i] = j
     ti.loop_config(serialize=True)
     for site in range(naps.woken.shape[0]):

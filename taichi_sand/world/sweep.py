@@ -14,6 +14,15 @@ CELL_COLOURS = 6
 
 
 @ti.func
+def block_count(w: ti.template()):
+    """Blocks of the sweep that are in use, that of the sleepers included: together they hold every pair once."""
+    count = w.blocks.pair_start.shape[0]
+    if ti.static(w.layout == "cells"):
+        count = w.grid.columns[None] * w.grid.rows[None] + ti.static(w.sleeps)
+    return count
+
+
+@ti.func
 def sweep_block(w: ti.template(), b, pair: ti.template(), s: ti.template(), c: ti.template()):
     """pair(w, s, c, row, wall) on all pairs that belong to block b; of several functions one after the other."""
     for one in ti.static(pair):

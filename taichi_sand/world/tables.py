@@ -116,6 +116,7 @@ class World:
     naps: Any  # world.naps.Naps, or None if they may not
     clumps: bool  # whether a grain may be anything but a disc
     shapes: Any  # world.clumps.Shapes, or None without clumps
+    carried: tuple  # columns of numbers that grains carry for effects, by name: world.carried
     rows: int  # of the pair table, a grain
     wall_rows: int  # and of its part for walls
     layout: str  # of the sweep: "one", "strips" or "cells"
