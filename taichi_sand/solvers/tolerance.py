@@ -16,22 +16,21 @@ MOST_DAMPING = 1.25
 """Largest damping ratio: with a force that never pulls it means a restitution of 0.1, and less would cost smaller steps."""
 SAG = 1.11
 """Soft step: h = SAG sqrt(x d / (n g)) lets a column of n grains sag to the overlap x d (physics.md D3)."""
-MD_CHAINS, RIGID_CHAINS = 2.3, 1.7
+MD_CHAINS = 2.3
 """A bed bears its weight on chains of contacts, not evenly: its worst hundredth of overlaps is so many times that of a column of its
-depth (md 1.2 to 2.2, the more the stiffer; rigid 1.3 to 1.6 when it has just come to rest; settle, 25 and 58 grains deep)."""
+depth (1.2 to 2.2, the more the stiffer; settle, 25 and 58 grains deep)."""
+RIGID_LOAD = 0.85
+"""The same for the rigid solver, times what the slow reference impulse leaves of the sag: a bed that has come to rest keeps half of the
+tolerance at its worst hundredth, a column a fifth of it; before the reference has followed it is 1.5 times the tolerance."""
 SOFT_HERTZ = 0.25
 """Frequency of the soft contact times h; stiffer contacts jitter (physics.md D4)."""
-SOFT_DAMPING = 60.0
-"""Damping ratio of the soft contact. 10 is usual, but leaves the slow swing of a deep pile nearly undamped (90 grains deep: 500 times
-more kinetic energy 1.4 s after the fall, measured)."""
+SOFT_DAMPING = 20.0
+"""Damping ratio of the soft contact."""
 LONGEST_STEP = 1 / 240
 """No step of the rigid solver is longer [s]."""
-REFERENCE_TIME = 100.0
-"""Time of the slow reference impulse over n^2 h / SOFT_DAMPING. A reference that follows in the time τ takes the share k/(ω τ) from the
-damping c ω of a swing of the pile; of the slowest one, ω = 2/(n h), the soft contact damps k ω SOFT_DAMPING h / 2. So τ goes with n^2 h;
-at a twentieth of this a pile 90 deep swings on for seconds (measured at n = 20, 45, 90)."""
-LEAST_REFERENCE_TIME = 0.1
-"""And at least this [s]."""
+REFERENCE_STEPS, LEAST_REFERENCE_STEPS = 0.03, 10.0
+"""The slow reference impulse follows in REFERENCE_STEPS n^2 steps, but not in less than 10: as slowly as the slowest swing of a pile n
+deep dies out (1D columns of 5 to 300 discs: a quarter of it still rests, but rings longer; four times as much only rests later)."""
 FASTEST = 0.7
 """Rigid: speed cap in diameters a step. Two grains then approach by less in a step than a search can foresee, MOST_SLACK diameters."""
 PUSH, IMPACT = 1.0, 0.3
@@ -167,7 +166,7 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
 
 def rigid_numbers(solver: Any, bed: Bed) -> dict[str, float]:
     """Numbers of solvers.rigid.constants_type, and the speed cap [m/s]."""
-    weight = max(RIGID_CHAINS * bed.depth * bed.gravity, 1e-12)
+    weight = max(RIGID_LOAD * bed.depth * bed.gravity, 1e-12)
     flight = math.sqrt(solver.tolerance) * bed.diameter / max(bed.speed, 1e-12)
     step = min(SAG * math.sqrt(solver.tolerance * bed.diameter / weight), flight, LONGEST_STEP)
     if solver.substeps:
@@ -178,7 +177,6 @@ def rigid_numbers(solver: Any, bed: Bed) -> dict[str, float]:
     a1 = 2 * SOFT_DAMPING + step * omega
     a2 = step * omega * a1
     unit = math.sqrt(max(bed.gravity, 0.0) * bed.diameter)
-    time = max(REFERENCE_TIME * bed.depth**2 * step / SOFT_DAMPING, LEAST_REFERENCE_TIME)
     return {
         "step": step,
         "rate": 1 / step,
@@ -188,6 +186,6 @@ def rigid_numbers(solver: Any, bed: Bed) -> dict[str, float]:
         "push_cap": PUSH * unit if unit > 0 else bed.diameter,
         "restitution": solver.restitution,
         "threshold": max(IMPACT * unit, 4 * bed.gravity * step),
-        "reference_rate": step / time,
+        "reference_rate": 1 / max(REFERENCE_STEPS * bed.depth**2, LEAST_REFERENCE_STEPS),
         "speed_cap": FASTEST * bed.diameter / step,
     }
