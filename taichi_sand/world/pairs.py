@@ -16,12 +16,13 @@ from taichi_sand.world.tables import CHUNK, FAR, STRIPS
 from taichi_sand.world.wall_pairs import list_walls
 
 LEAST_SKIN, MOST_SKIN = 0.04, 0.5
-LEAST_SLACK, MOST_SLACK = 0.10, 2.0
-"""Skin, and how much two grains may approach one another within the horizon, in mean diameters."""
+LEAST_SLACK, GOOD_SLACK, MOST_SLACK = 0.10, 1.0, 2.0
+"""Skin, and how much two grains may approach one another within the horizon, in mean diameters: more than GOOD_SLACK only where they do
+so in one step, as cells grow with it and a search of large cells costs more than several of small ones."""
 SKIN = 10.0
 """Skin / d = sqrt(SKIN u), u the spread of velocities times h / d. Every listed pair costs in every step, a search once in skin / u
 steps: their sum is least for a skin that goes with the root of u (measured: a search costs as much as some 30 looks at a pair)."""
-STEPS_AHEAD = 8
+STEPS_AHEAD = 16
 """Steps the search tries to foresee; more cost larger cells."""
 MOST_REACH = 2 * MOST_SLACK + MOST_SKIN
 """How far from its surface a grain may have to know of a wall, in mean diameters: it flies at most 2 MOST_SLACK in the horizon."""
@@ -44,7 +45,8 @@ def foresee(w: ti.template()):
     approach = (high - low).norm() * pace.step
     d = box.diameter
     skin = ti.min(ti.max(ti.sqrt(SKIN * approach / d), LEAST_SKIN), MOST_SKIN) * d
-    slack = ti.min(ti.max(STEPS_AHEAD * approach, LEAST_SLACK * d), MOST_SLACK * d)
+    ahead = ti.min(STEPS_AHEAD * approach, ti.max(GOOD_SLACK * d, approach))
+    slack = ti.min(ti.max(ahead, LEAST_SLACK * d), MOST_SLACK * d)
     pace.skin = skin
     fastest = ti.max(ti.abs(low), ti.abs(high)).norm() * pace.step
     pace.horizon = ti.min(slack / (approach + 1e-20), 2.0 * MOST_SLACK * d / (fastest + 1e-20)) * pace.step
