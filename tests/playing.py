@@ -58,7 +58,7 @@ class Playing:
             stderr=subprocess.DEVNULL,
         )
         number = self.server.stdout.readline().decode().strip()
-        paths = {"PYTHONPATH": str(Path(sand.__file__).parents[1]), "TI_CFG_OPTIMIZATION": "0"}
+        paths = {"PYTHONPATH": str(Path(sand.__file__).parents[1])}
         self.environment = {**os.environ, **paths, "DISPLAY": f":{number}"}
         command = [sys.executable, "-m", "taichi_sand", "play", *arguments, "--report", str(self.file), "--folder", str(folder)]
         self.process = subprocess.Popen(

@@ -1,7 +1,6 @@
 """Small worlds to try physics in. SI units; the standard disc has a radius of 5 mm and 2650 kg/m2."""
 
 import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -11,9 +10,6 @@ import numpy as np
 
 import taichi_sand as sand
 from taichi_sand.world import device
-
-os.environ.setdefault("TI_CFG_OPTIMIZATION", "0")
-"""Kernels then compile in less than half the time (rigid: 14 -> 6 s) and run as fast and to the same bits (measured)."""
 
 R = 0.005
 RHO = 2650.0
