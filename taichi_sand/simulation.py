@@ -13,6 +13,7 @@ import taichi as ti
 
 from taichi_sand import effects as effect_modules
 from taichi_sand.readings import Readings
+from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.packing import pack
 from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers import choose
@@ -24,6 +25,7 @@ from taichi_sand.world.motion import close_step
 from taichi_sand.world.naps import called
 from taichi_sand.world.pairs import search, search_now
 from taichi_sand.world.rest import rearrange, wake
+from taichi_sand.world.water import pour
 
 LEAST_ROOM = 1000
 """Room for grains that a user adds by hand."""
@@ -172,6 +174,17 @@ class Simulation(Readings):
             depth = depth_of(numbers[free, :2], radius[free], self.scene.gravity)
             if depth > GROWTH * self.bed.depth:
                 self._adopt(self.scene, replace(self.bed, depth=depth), {})
+
+    def wet(self, x: float, y: float, radius: float, amount: float) -> int:
+        """Adds `amount` (below 0: takes water away) to the wetness, 0 … 1, of the grains within `radius` of (x, y) [m], and wakes who
+        sleeps; returns how many grains these are. SandError without the effect `moisture`.
+        """
+        if not hasattr(self.world.carried, "wetness"):
+            raise SandError("nothing can be wetted: the scene has no table [effects.moisture]", "effects.moisture")
+        found = pour(self.world, x, y, radius, amount)
+        if self.world.sleeps:
+            self.renew()
+        return int(found)
 
     def renew(self) -> None:
         """Searches anew, after grains or walls have been changed by hand; what contacts that are gone carried is forgotten."""

@@ -3,7 +3,7 @@
 A bridge pulls with F_c, Bo times the weight of a mean grain (of its weight on earth, 9.81 m/s2, in a scene without gravity), and beyond
 contact with F_c (1 - S/S_c) at the distance S: it takes the energy F_c S_c / 2 to tear (physics.md D7). Friction goes with the force
 between the surfaces, the pull of the bridge included. Two dimensions know no true capillary bridge: real water means Bo = 17 for grains
-of 1 mm and 0.17 for 1 cm; sandcastles of centimetre grains need 5 to 20.
+of 1 mm and 0.17 for 1 cm; sandcastles of centimetre grains need 5 to 20. With the effect `moisture` the pull goes with the wetness.
 """
 
 from dataclasses import dataclass
@@ -13,6 +13,7 @@ import taichi as ti
 
 from taichi_sand.scene.parameters import Parameter
 from taichi_sand.world.geometry import at_least
+from taichi_sand.world.water import bridge_share
 
 PARAMETERS = (
     Parameter("bond", 5.0, "Bond number: pull of a bridge over the weight of a mean grain", low=0.0, high=1e4),
@@ -37,6 +38,8 @@ class Cohesion:
         elif gap > reach:
             self.bridge[p] = 0.0
         share = ti.select(middle > 0.0, at_least(0.0, 1.0 - middle / reach), 1.0)
+        if ti.static(hasattr(w.carried, "wetness")):
+            share *= bridge_share(w, p)
         return ti.select(self.bridge[p] > 0.0, share * c.cohesion_bond * w.box[None].weight, 0.0)
 
     @ti.func
@@ -49,6 +52,8 @@ class Cohesion:
         """Energy that it takes to bring the bridge from touch to where it is [J]."""
         gap = at_least(0.0, -overlap)
         way = ti.select(overlap > 0.0, -overlap, gap - 0.5 * gap * gap / w.box[None].bridge)
+        if ti.static(hasattr(w.carried, "wetness")):
+            way *= bridge_share(w, p)
         return ti.select(self.bridge[p] > 0.0, c.cohesion_bond * w.box[None].weight * way, 0.0)
 
     @ti.func

@@ -9,11 +9,12 @@ from taichi_sand.scene.schema import Scene
 from taichi_sand.simulation import Simulation
 
 LOOPS = {
-    **dict.fromkeys(("normal", "tangent", "couple", "release"), "pairs"),
+    **dict.fromkeys(("normal", "tangent", "couple", "release", "store"), "pairs"),
     **dict.fromkeys(("floor", "cone", "spin_cone"), "pairs, twice"),
     "body": "grains",
+    "heat": "pairs and grains",
 }
-"""Loops of a step in which a hook runs; `between` runs in none."""
+"""Loops of a step in which a hook runs; `between` runs in none, `stored` where another effect asks for it."""
 ROUNDS = 9
 ROUND_TIME = 0.05
 """Rounds of a measurement, and about how long one takes [s of CPU]."""
@@ -46,6 +47,7 @@ def inventory(sim: Simulation) -> list[dict[str, Any]]:
             loops.append(f"pauses of {effect.interval:.3g} s")
         live = {p.name: values[p.name] for p in effects.module(name).PARAMETERS if p.live}
         size = effects.columns(name, values, kind) * bytes_of(sim.world.pairs.gap)
+        size += sum(bytes_of(getattr(sim.world.carried, column)) for column in effects.carried({name: values}))
         if effects.sleeps([name]):
             size += sleep_bytes(sim.world)
         rows.append({"name": name, "on": True, "bytes": size, "hooks": hooks, "loops": loops, "live": live})
