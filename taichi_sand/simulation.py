@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -25,10 +25,13 @@ from taichi_sand.world.motion import close_step
 from taichi_sand.world.naps import called
 from taichi_sand.world.pairs import search, search_now
 from taichi_sand.world.rest import rearrange, wake
+from taichi_sand.world.wall_scene import change_walls, check_speeds, fastest_wall, set_patience
 from taichi_sand.world.water import pour
 
 LEAST_ROOM = 1000
 """Room for grains that a user adds by hand."""
+WALL_ROOM = (4096, 65536)
+"""Room for entries of walls (a grain's width of wall has some five), without and with a hand that may draw them."""
 LOOK, GROWTH = 0.25, 1.2
 """Simulated time between two looks at the depth of the pile [s], and by how much it must have grown for stiffness and step to follow."""
 BATCH = 8
@@ -73,6 +76,7 @@ class Simulation(Readings):
         self.clock = {"wall": 0.0, "compile": 0.0, "stages": {}}
         with self._stage("compile"):
             self.scene, self.arch, self.threads, self.room = scene, arch, threads, room
+            self.first_walls = scene.walls  # those that tables have been made for
             device.start(self, arch, threads, scene.solver.precision)
             self.effects = effect_modules.check(scene)
             grains = pack(scene)
@@ -93,9 +97,10 @@ class Simulation(Readings):
         turns = effect_modules.turns(self.effects) or bool(np.any(grains.spin))
         solver = choose(kind)
         extra = solver.MEMORY + sum(columns.values())
-        self.world = make_world(scene, grains, extra, turns, self.arch != "cpu", self.room, **effect_modules.structure(self.effects))
+        rooms, structure = (self.room, WALL_ROOM[hand]), effect_modules.structure(self.effects)
+        self.world = make_world(scene, grains, extra, turns, self.arch != "cpu", *rooms, **structure)
         device.count_room(self.world.capacity)
-        self.bed = bed_of(grains, scene.gravity)
+        self.bed = bed_of(grains, scene.gravity, fastest_wall(scene))
         self.sizes = np.array([form.size for form in grains.forms] or [1.0])  # by kind: radius of a disc of the same area / radius
         memory = list(self.world.pairs.memory[-extra:]) if extra else []
         own = [memory.pop(0) for _ in range(solver.MEMORY)]
@@ -106,12 +111,14 @@ class Simulation(Readings):
         if self.hand:
             built.append(self.hand)
         self.numbers = solver.numbers(scene, self.bed)
+        check_speeds(scene, self.numbers["speed_cap"])
         self.solver = solver.build(scene, self.numbers, effect_modules.live(self.effects), own, tuple(built), self.world)
         self.pausing = [effect for effect in built if hasattr(effect, "between")]
         """Effects that act between launches."""
 
     def _start_steps(self) -> None:
         pace = self.world.pace
+        set_patience(self.world, self.scene.solver.tolerance)
         pace[None].spent, pace[None].step, pace[None].speed_cap = 1, self.step, self.numbers["speed_cap"]
         if self.world.layout != "one":
             step_alone(self.world, self.solver)  # only compiles: a step that finds its search spent does nothing
@@ -200,6 +207,17 @@ class Simulation(Readings):
             solver.renew(self.world, self.solver)
             ti.sync()
 
+    def set_walls(self, walls: Sequence[Any]) -> None:
+        """Goes on with these `[[walls]]`, a table each as in a scene file, in the place of those there are.
+
+        Raises:
+            SandError: a table is wrong, or there is no room for them (with `hand` there is room for many); then nothing has changed.
+        """
+        scene = self.scene.with_walls(walls)
+        change_walls(self.world, self.scene, scene)
+        self.scene = scene
+        self.renew()
+
     def retune(self, scene: Scene, live: dict[str, float] | None = None) -> None:
         """Goes on with the gravity and the numbers of the solver that `scene` asks for, and with these live parameters of effects.
 
@@ -210,6 +228,7 @@ class Simulation(Readings):
 
     def _adopt(self, scene: Scene, bed: Bed, live: dict[str, float]) -> None:
         numbers = choose(scene.solver.kind).numbers(scene, bed)
+        check_speeds(scene, numbers["speed_cap"])
         self.epoch = (self.steps, self.time)
         self.scene, self.bed, self.numbers = scene, bed, numbers
         self.set_numbers({**numbers, **live})
@@ -223,6 +242,7 @@ class Simulation(Readings):
             if name in known:
                 setattr(constants[None], name, value)
         pace[None].step, pace[None].speed_cap = self.step, self.numbers["speed_cap"]
+        set_patience(self.world, self.scene.solver.tolerance)
 
     def _march(self, count: int) -> None:
         end = self.steps + count
@@ -270,13 +290,16 @@ class Simulation(Readings):
         """Writes a checkpoint from which `resume` goes on as if nothing had happened; `more` (JSON) is kept with it."""
         about = {"scene": self.scene.to_json(), "lost": self.lost, "room": self.room, "hand": self.hand is not None}
         about |= {name: getattr(self, name) for name in ("made", "removed", "epoch", "numbers")}
+        about["first_walls"] = [wall.model_dump(exclude_unset=True) for wall in self.first_walls]
         checkpoint.save(path, {**about, **more, "bed": asdict(self.bed)}, self._fields())
 
     @classmethod
     def resume(cls, path: str | Path, *, arch: str = "cpu", threads: int | None = None) -> Self:
         """The simulation that was saved to `path`; SandError if the file is damaged, foreign or of another version."""
         about, arrays = checkpoint.load(path)
-        sim = cls(Scene.from_json(about["scene"]), arch=arch, threads=threads, room=about["room"], hand=about["hand"])
+        scene = Scene.from_json(about["scene"])
+        sim = cls(scene.with_walls(about["first_walls"]), arch=arch, threads=threads, room=about["room"], hand=about["hand"])
+        sim.scene = scene
         checkpoint.restore(sim._fields(), arrays, path)
         sim.made, sim.removed, sim.epoch, sim.numbers = about["made"], about["removed"], tuple(about["epoch"]), about["numbers"]
         sim.bed, sim.steps = Bed(**about["bed"]), int(sim.world.pace[None].done)

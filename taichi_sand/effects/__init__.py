@@ -20,6 +20,7 @@ from types import ModuleType
 from typing import Any
 
 from taichi_sand.scene.errors import SandError, suggest
+from taichi_sand.scene.moving import moves
 from taichi_sand.scene.parameters import Parameter, check_table
 
 HOOKS = {
@@ -118,6 +119,8 @@ def check(scene: Any) -> dict[str, dict[str, Any]]:
             raise scene.error(f"effects.{name}", wrong)
     if sleeps(tables) and any(table.shape != "disc" for table in scene.grains):
         raise scene.error("effects.sleeping", "does not fit grains of several discs")
+    if sleeps(tables) and any(moves(wall) for wall in scene.walls):
+        raise scene.error("effects.sleeping", "does not fit walls that move")
     return tables
 
 

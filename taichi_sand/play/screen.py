@@ -60,7 +60,7 @@ class Screen:
             self.caption = Caption(*self.picture, self.painter.scale)
             self.overlay = Overlay(self.painter)
         painter = self.painter
-        painter.color, painter.force_chains, painter.walls = look["color"], look["chains"], wall_lines(scene)
+        painter.color, painter.force_chains, painter.walls = look["color"], look["chains"], wall_lines(sim)
         painter.set_energy_colours(look["cold"], look["hot"])
 
     def paint(self, canvas: np.ndarray, measured: dict[str, Any], cursor: tuple[float, float] | None, told: str) -> np.ndarray:

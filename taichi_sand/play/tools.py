@@ -15,6 +15,7 @@ from taichi_sand.scene.shapes import BUILT_IN, form
 from taichi_sand.simulation import Simulation
 from taichi_sand.world import census, hand
 from taichi_sand.world.build import EARTH
+from taichi_sand.world.wall_scene import standing_walls
 
 if TYPE_CHECKING:
     from taichi_sand.play.session import Session
@@ -185,8 +186,7 @@ def _clear(sim: Simulation, position: np.ndarray, radius: np.ndarray, centre: np
     clear = ((position > radius[:, None]) & (position < size - radius[:, None])).all(axis=1)
     places, _ = census.places(sim.world)
     near = np.hypot(*(places[:, :2] - centre).T) < reach + places[:, 2] + radius.max()
-    corners = [np.array(wall.points + (wall.points[:1] if wall.closed else ())) for wall in sim.scene.walls]
-    clear &= Taken(segments(corners), places[near, :2], places[near, 2]).free(position, radius)
+    clear &= Taken(segments(standing_walls(sim.world, sim.scene)), places[near, :2], places[near, 2]).free(position, radius)
     apart = np.hypot(*(position[:, None] - position[None]).transpose(2, 0, 1)) - radius[:, None] - radius[None]
     for k in np.flatnonzero(clear):
         clear[k] = not (clear[:k] & (apart[k, :k] < 0)).any()

@@ -11,8 +11,9 @@ from taichi_sand.scene.schema import Scene
 from taichi_sand.simulation import Simulation
 from taichi_sand.solvers import choose
 from taichi_sand.world.checkpoint import read_field
+from taichi_sand.world.wall_scene import change_walls
 
-OVER = ("grains", "carried", "count", "flags")
+OVER = ("grains", "carried", "count", "flags", "movers")
 """Tables that go over; the others are made for the structure they belong to."""
 ROWS = ("pairs", "blocks")
 """And these, where both structures list pairs in tables of the same sizes."""
@@ -46,6 +47,7 @@ def columns_of(sim: Simulation) -> list[str]:
 
 def hand_over(old: Simulation, new: Simulation, moment: Snapshot) -> None:
     """Gives `new` the grains, walls and pairs of `old`, whose moment this is; pairs keep their force, and what both solvers know."""
+    change_walls(new.world, new.scene, old.scene)
     targets = tables_of(new)
     tables = {name: table for name, table in tables_of(old).items() if name.split(".")[2:3] and name.startswith(".0.")}
     rows = [name for name in tables if name.split(".")[2] in ROWS and "memory" not in name]

@@ -110,12 +110,24 @@ def shape(table: "Shape") -> None:
 
 
 def wall(table: "Wall") -> None:
-    """No segment without length: it would have no direction."""
+    """No segment without length: it would have no direction; and keys of a motion that fit together."""
     points = table.points + (table.points[:1] if table.closed else ())
     for index, (start, end) in enumerate(pairwise(points)):
         if start == end:
             after = (index + 1) % len(table.points)
             raise Wrong(f"points[{after}]", f" = {show(end)} is the same as the point before it")
+    _moving_wall(table)
+
+
+def _moving_wall(table: "Wall") -> None:
+    """What belongs to a motion that there is."""
+    if table.pivot is not None and not table.spin:
+        raise Wrong("pivot", " needs a `spin`")
+    if table.force is not None:
+        if not any(table.velocity):
+            raise Wrong("force", " needs a `velocity`: the one that it pushes along, and that the wall has when nothing resists")
+        if table.spin or table.shake is not None:
+            raise Wrong("force", " goes with a `velocity` alone, not with `spin` or `shake`")
 
 
 SHOWS = {"temperature": "heat", "moisture": "moisture"}

@@ -5,6 +5,7 @@ by a `SandError` in one sentence.
 """
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -149,12 +150,24 @@ class Grains(Table):
         return self
 
 
+class Shake(Table):
+    """How a wall is shaken: its displacement is amplitude sin(2 π frequency t)."""
+
+    amplitude: Vector = key(..., "[ax, ay]", "m")
+    frequency: Number = key(..., "of the shaking", "Hz", gt=0, le=1e5)
+
+
 class Wall(Table):
-    """A line obstacle: a polyline, solid from both sides."""
+    """A line obstacle: a polyline, solid from both sides, still or moved as its keys say."""
 
     points: tuple[Vector, ...] = key(..., "corners [[x, y], …], at least two", "m", min_length=2)
     closed: Switch = key(False, "joins the last point to the first")
     friction: Number | None = key(None, "coefficient of friction; that of [effects.friction] if not given", ge=0, le=10)
+    velocity: Vector = key((0.0, 0.0), "[vx, vy] that it moves with", "m/s")
+    spin: Number = key(0.0, "that it turns with, counter-clockwise", "rad/s")
+    pivot: Vector | None = key(None, "[x, y] at time 0 of what it turns about; the mean of its points if not given", "m")
+    shake: Shake | None = key(None, "{ amplitude = [ax, ay], frequency = Hz } that it is shaken with")
+    force: Number | None = key(None, "that it is pushed along its `velocity` with at most, less the faster it moves", "N", gt=0)
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
@@ -225,6 +238,8 @@ class Scene(Table):
                 grains["region"] = [length * side for side in grains["region"]]
         for wall in data.get("walls", ()):
             wall["points"] = [[length * x, length * y] for x, y in wall["points"]]
+            if wall.get("pivot"):
+                wall["pivot"] = [length * x for x in wall["pivot"]]
         return data
 
     @property
@@ -240,6 +255,12 @@ class Scene(Table):
         """Returns the error "file: key: text" about key `name` of this scene (`solver.step`), to be raised."""
         return SandError(f"{self._source}: {name}: {text}" if self._source else f"{name}: {text}", name)
 
+    def with_walls(self, walls: Sequence[Any]) -> Self:
+        """Returns this scene with these walls, a table each; SandError if they are wrong."""
+        tables = [dict(wall) if isinstance(wall, Wall) else wall for wall in walls]
+        checked = type(self)(size=self.size, effects=self.effects, walls=tables)
+        return self.model_copy(update={"walls": checked.walls})
+
     def to_json(self) -> str:
         """Returns the scene as JSON, positions read from files included."""
         return self.model_dump_json(exclude_unset=True)
@@ -254,4 +275,4 @@ class Scene(Table):
 
 
 def _tables() -> dict[str, type[BaseModel]]:
-    return {"": Scene, "edges": Edges, "solver": Solver, "shapes": Shape, "grains": Grains, "walls": Wall, "view": View}
+    return {"": Scene, "edges": Edges, "solver": Solver, "shapes": Shape, "grains": Grains, "walls": Wall, "shake": Shake, "view": View}

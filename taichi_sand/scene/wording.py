@@ -77,8 +77,8 @@ def in_words(error: ValidationError, tables: dict[str, type[BaseModel]]) -> Sand
 
 def _model(location: tuple[int | str, ...], tables: dict[str, type[BaseModel]]) -> type[BaseModel]:
     """The model of the table that the last key of a place belongs to."""
-    nested = any(isinstance(part, str) for part in location[1:])
-    return tables.get(str(location[0]), tables[""]) if nested else tables[""]
+    names = [part for part in location if isinstance(part, str)]
+    return next((tables[name] for name in reversed(names[:-1]) if name in tables), tables[""])
 
 
 def _wanted(detail: Any) -> str:

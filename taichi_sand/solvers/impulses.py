@@ -1,9 +1,9 @@
-"""Levers, speeds and impulses of a rigid contact, as the solver needs them at one pair."""
+"""Levers, speeds, bounds and impulses of a rigid contact, as the solver needs them at one pair."""
 
 import taichi as ti
 
 from taichi_sand.world.clumps import tilt, torques
-from taichi_sand.world.geometry import perp, spin, wrench
+from taichi_sand.world.geometry import couple, perp, rolling, spin, within, wrench
 from taichi_sand.world.ledger import strike
 
 
@@ -69,3 +69,35 @@ def give(w: ti.template(), s: ti.template(), i, j, impulse, normal, arm_i, arm_j
     push = impulse.x * normal + impulse.y * perp(normal)
     taken, given = torques(w, impulse, arm_i, arm_j, lever)
     strike(w, s, i, j, -wrench(push, taken), wrench(push, given), wall)
+
+
+@ti.func
+def cone(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template(), normal):
+    """Largest tangential impulse for a normal one."""
+    bound = 0.0
+    for effect in ti.static(s.effects):
+        if ti.static(hasattr(effect, "cone")):
+            bound += effect.cone(w, c, p, wall, normal)
+    return bound
+
+
+@ti.func
+def lowest(w: ti.template(), s: ti.template(), c: ti.template(), p, gap, middle):
+    """Lowest normal impulse, from the gap now and in the middle of the step: 0, or less where an effect can pull."""
+    low = 0.0
+    for effect in ti.static(s.effects):
+        if ti.static(hasattr(effect, "floor")):
+            low += effect.floor(w, c, p, gap, middle)
+    return low
+
+
+@ti.func
+def resist_rolling(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, normal, wall: ti.template()):
+    """Solves pair p for its angular impulses, each within its cone."""
+    for effect in ti.static(s.effects):
+        if ti.static(hasattr(effect, "spin_cone")):
+            roll, radius, inertia = rolling(w, p, i, j, wall)
+            carried = effect.torque[p] * c.step
+            new = within(effect.spin_cone(w, c, p, normal, radius), carried - inertia * roll)
+            strike(w, s, i, j, -couple(new - carried), couple(new - carried), wall)
+            effect.torque[p] = new * c.rate

@@ -11,11 +11,13 @@ from typing import Any
 
 import taichi as ti
 
+from taichi_sand.solvers.impulses import slip_of
 from taichi_sand.solvers.integrators import INTEGRATORS, Stages, allocate_stages
 from taichi_sand.solvers.tolerance import Bed, md_numbers
 from taichi_sand.world.clumps import levers, rim, tilt, torques
-from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, perp, rolling, spin, velocity, wrench
+from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, motion_of, perp, rolling, wrench
 from taichi_sand.world.ledger import set_off, split
+from taichi_sand.world.movers import feel
 from taichi_sand.world.tables import World, fill_struct
 
 MEMORY = 0
@@ -101,7 +103,7 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     overlap = pairs.contact_distance[p] - distance
     force = ti.Vector([0.0, 0.0])
     if overlap > 0.0:
-        motion = -velocity(w, i) if ti.static(wall) else velocity(w, j) - velocity(w, i)
+        motion = motion_of(w, p, i, j, distance, normal, wall)
         stiffness = elastic_stiffness(s, c, overlap)
         dashpot = damping(s, c, pairs.root_mass[p], overlap)
         speed = motion.dot(normal)
@@ -114,19 +116,18 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
             speed += tilt(w, i, j, lever, wall)
         force.x = at_least(0.0, stiffness * overlap - dashpot * speed)
         if ti.static(w.turns):
-            slip = motion.dot(perp(normal)) - arm_i * spin(w, i)
-            if ti.static(not wall):
-                slip -= arm_j * spin(w, j)
+            slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall)
             for effect in ti.static(s.effects):
                 if ti.static(hasattr(effect, "tangent")):
                     force.y += effect.tangent(w, c, p, wall, force.x, slip, stiffness, dashpot)
                 if ti.static(hasattr(effect, "couple")):
-                    roll, radius, inertia = rolling(w, i, j, wall)
+                    roll, radius, inertia = rolling(w, p, i, j, wall)
                     turn(w, s, c, i, j, effect.couple(w, c, p, force.x, roll, radius, stiffness, inertia), wall)
         for effect in ti.static(s.effects):
             if ti.static(hasattr(effect, "normal")):
                 force.x += effect.normal(w, c, p, overlap)
         load(w, s, c, i, j, force, normal, arm_i, arm_j, lever, wall)
+        feel(w, s, c, p, distance, normal, force, wall)
     else:
         for effect in ti.static(s.effects):
             if ti.static(hasattr(effect, "release")):

@@ -13,12 +13,13 @@ from typing import Any
 
 import taichi as ti
 
-from taichi_sand.solvers.impulses import arms, give, levers_of, slip_by, slip_of, speed_of
+from taichi_sand.solvers.impulses import arms, cone, give, levers_of, lowest, resist_rolling, slip_by, slip_of, speed_of
 from taichi_sand.solvers.tolerance import Bed, rigid_numbers
 from taichi_sand.world.clumps import torques, weigh
-from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, movable, perp, rolling, velocity, within, wrench
-from taichi_sand.world.ledger import set_off, settle_work, strike
+from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, motion_of, movable, perp, within, wrench
+from taichi_sand.world.ledger import drive, set_off, settle_work
 from taichi_sand.world.motion import drift, with_body
+from taichi_sand.world.movers import feel, place_walls
 from taichi_sand.world.sweep import each_grain, going, nothing, sweep
 from taichi_sand.world.tables import World, fill_struct
 
@@ -113,26 +114,6 @@ def free(w: ti.template(), i):
 
 
 @ti.func
-def cone(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template(), normal):
-    """Largest tangential impulse for a normal one."""
-    bound = 0.0
-    for effect in ti.static(s.effects):
-        if ti.static(hasattr(effect, "cone")):
-            bound += effect.cone(w, c, p, wall, normal)
-    return bound
-
-
-@ti.func
-def lowest(w: ti.template(), s: ti.template(), c: ti.template(), p, gap, middle):
-    """Lowest normal impulse, from the gap now and in the middle of the step: 0, or less where an effect can pull."""
-    low = 0.0
-    for effect in ti.static(s.effects):
-        if ti.static(hasattr(effect, "floor")):
-            low += effect.floor(w, c, p, gap, middle)
-    return low
-
-
-@ti.func
 def collide(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
     """Answers the impact of pair p, if it would touch within the step faster than the threshold (physics.md A2, A4).
 
@@ -143,7 +124,7 @@ def collide(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     i = pairs.first[p]
     j = i if ti.static(wall) else pairs.second[p]
     normal, gap = pairs.normal[p], pairs.gap[p]
-    motion = -velocity(w, i) if ti.static(wall) else velocity(w, j) - velocity(w, i)
+    motion = motion_of(w, p, i, j, gap + pairs.contact_distance[p], normal, wall)
     lever = levers_of(w, p)
     speed = speed_of(w, i, j, motion, normal, lever, wall)
     if speed < -c.threshold and speed * c.step + gap < 0.0 and (free(w, i) or free(w, j)):
@@ -155,6 +136,7 @@ def collide(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
             bound = cone(w, s, c, p, wall, impulse.x)
             impulse.y = within(bound, -pairs.mass_t[p] * slip)
         give(w, s, i, j, impulse, normal, arm_i, arm_j, lever, wall)
+        drive(w, s, p, gap + pairs.contact_distance[p], normal, impulse, wall)
         lowest(w, s, c, p, 0.0, 0.0)  # they touch
         w.pace[None].hit = 1
 
@@ -166,7 +148,7 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     i = pairs.first[p]
     j = i if ti.static(wall) else pairs.second[p]
     normal, gap = pairs.normal[p], pairs.gap[p]
-    motion = -velocity(w, i) if ti.static(wall) else velocity(w, j) - velocity(w, i)
+    motion = motion_of(w, p, i, j, gap + pairs.contact_distance[p], normal, wall)
     lever = levers_of(w, p)
     speed = speed_of(w, i, j, motion, normal, lever, wall)
     carried = pairs.force[p] * c.step
@@ -201,18 +183,6 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
 
 
 @ti.func
-def resist_rolling(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, normal, wall: ti.template()):
-    """Solves pair p for its angular impulses, each within its cone."""
-    for effect in ti.static(s.effects):
-        if ti.static(hasattr(effect, "spin_cone")):
-            roll, radius, inertia = rolling(w, i, j, wall)
-            carried = effect.torque[p] * c.step
-            new = within(effect.spin_cone(w, c, p, normal, radius), carried - inertia * roll)
-            strike(w, s, i, j, -couple(new - carried), couple(new - carried), wall)
-            effect.torque[p] = new * c.rate
-
-
-@ti.func
 def solve(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
     """First sweep of a step, before the grains move."""
     project(w, s, c, p, wall, True)
@@ -236,6 +206,8 @@ def relax(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.temp
     crept = s.reference[p] + c.reference_rate * (goal - s.reference[p])
     s.reference[p] = ti.select(crept < goal, crept, goal)
     lay_by(w, s, c, p, carried, wall, True)
+    pairs = ti.static(w.pairs)
+    feel(w, s, c, p, pairs.gap[p] + pairs.contact_distance[p], pairs.normal[p], carried * c.rate, wall)
 
 
 @ti.func
@@ -312,9 +284,13 @@ def collide_all(w: ti.template(), s: ti.template(), c: ti.template()):
 def step(w: ti.template(), s: ti.template()):
     """One sub-step."""
     c = s.constants[None]
+    if ti.static(w.moves):
+        place_walls(w, 0.0, 0.5)
     each_grain(w, kick, s, c)
     collide_all(w, s, c)
     sweep(w, (solve,), move, s, c, going)
+    if ti.static(w.moves):
+        place_walls(w, 1.0, 0.5)
     sweep(w, (look, relax), nothing, s, c, going)
 
 

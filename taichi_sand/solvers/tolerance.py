@@ -50,21 +50,22 @@ class Bed:
     least_mass: float  # that a contact may have to move, levers included [kg]
     depth: float  # of the pile, in grains
     gravity: float  # [m/s2]
-    speed: float  # fastest grain at the start [m/s]
+    speed: float  # fastest grain at the start, or wall [m/s]
 
 
-def bed_of(pack: Pack, gravity: tuple[float, float]) -> Bed:
+def bed_of(pack: Pack, gravity: tuple[float, float], wall_speed: float = 0.0) -> Bed:
     """Bed that the grains of `pack` will form where they fall straight down, at packing fraction 0.84.
 
     Its depth is that of the deepest window of WINDOW diameters across, counting only the parts of it that hold grains: a slender
-    column is as deep as it has grains, a loose lattice as deep as it will be when it has settled.
+    column is as deep as it has grains, a loose lattice as deep as it will be when it has settled. `wall_speed` [m/s] is that of the
+    fastest wall.
     """
     if not len(pack.radius):
-        return Bed(1.0, 1.0, 1.0, 1.0, float(np.hypot(*gravity)), 0.0)
+        return Bed(1.0, 1.0, 1.0, 1.0, float(np.hypot(*gravity)), wall_speed)
     free = ~pack.fixed if (~pack.fixed).any() else np.ones_like(pack.fixed)
     radius, mass = pack.size[free], pack.mass[free]
     diameter = 2 * float(radius.mean())
-    speed = float(np.hypot(*pack.velocity.T).max())
+    speed = max(wall_speed, float(np.hypot(*pack.velocity.T).max()))
     depth = depth_of(pack.position[free], radius, gravity)
     return Bed(diameter, float(mass.mean()), float((mass / pack.lightness[free]).min()), depth, float(np.hypot(*gravity)), speed)
 

@@ -1,14 +1,13 @@
 """The picture of a simulation, as its scene wants it: what `sim.image()` gives and a film is made of."""
 
-from itertools import pairwise
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from taichi_sand.scene.schema import Scene
 from taichi_sand.view.caption import Caption
 from taichi_sand.view.paint import Painter
+from taichi_sand.world.wall_scene import standing_walls
 
 if TYPE_CHECKING:
     from taichi_sand.simulation import Simulation
@@ -20,6 +19,7 @@ _painters: WeakKeyDictionary["Simulation", Painter] = WeakKeyDictionary()
 def image(sim: "Simulation") -> np.ndarray:
     """This moment as an image, (height, width, 3) uint8, row 0 at the top; with a caption if the scene wants one."""
     painter = painter_of(sim)
+    painter.walls = wall_lines(sim)
     canvas = painter.paint(sim.time)
     if sim.scene.view.caption:
         caption = Caption(painter.width, painter.height, painter.scale)
@@ -40,7 +40,6 @@ def painter_of(sim: "Simulation") -> Painter:
             force_chains=view.force_chains,
             cold=view.cold,
             hot=view.hot,
-            walls=wall_lines(scene),
             edges=[getattr(scene.edges, side) == "wall" for side in SIDES],
             kinds=max(1, len(scene.grains)),
         )
@@ -57,10 +56,7 @@ def facts(sim: "Simulation") -> list[str]:
     ]
 
 
-def wall_lines(scene: Scene) -> np.ndarray:
-    """Walls of a scene as straight parts: x, y of one end, x, y of the other [m]; shape (n, 4)."""
-    lines = []
-    for wall in scene.walls:
-        points = [*wall.points, wall.points[0]] if wall.closed else list(wall.points)
-        lines += [(*start, *end) for start, end in pairwise(points)]
-    return np.array(lines, float).reshape(-1, 4)
+def wall_lines(sim: "Simulation") -> np.ndarray:
+    """Walls where they are now, as straight parts: x, y of one end, x, y of the other [m]; shape (n, 4)."""
+    lines = [np.hstack([corners[:-1], corners[1:]]) for corners in standing_walls(sim.world, sim.scene)]
+    return np.concatenate([np.empty((0, 4)), *lines])

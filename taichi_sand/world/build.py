@@ -28,14 +28,13 @@ from taichi_sand.world.tables import (
     pace_type,
     round_up,
 )
-from taichi_sand.world.walls import build_walls, edge_parts, polyline_parts
+from taichi_sand.world.wall_scene import SIDES, lay_walls, moving_walls
 
 STRIPS_FROM = 30_000
 """Grains from which a sweep pays for being cut into strips: handing out a parallel loop costs as much as some thousand pairs."""
 EARTH = 9.81  # m/s2
 CELLS_PER_GRAIN = 4
 SITES_PER_GRAIN = 4
-SIDES = ("left", "right", "bottom", "top")
 
 
 def lay_lattice(size: tuple[float, float], diameter: float, count: int) -> tuple[tuple[float, float], tuple[int, int]]:
@@ -64,14 +63,6 @@ def plan_cells(size: tuple[float, float], largest: float, capacity: int) -> tupl
     return (width * 1.01 * math.sqrt(cells / most), most) if cells > most else (width, cells)
 
 
-def lay_walls(scene: Any, spacing: tuple[float, float], sites: tuple[int, int], reach: float, real: Any) -> Any:
-    """Edges and walls of `scene`, felt up to `reach` [m] from a centre."""
-    parts = edge_parts(scene.size, [getattr(scene.edges, side) == "wall" for side in SIDES])
-    for wall in scene.walls:
-        parts += polyline_parts(np.array(wall.points), wall.closed, wall.friction)
-    return build_walls(parts, spacing, sites, reach, real)
-
-
 def mean_weight(scene: Any, pack: Pack) -> float:
     """Mean weight of the grains that can move [N]; on earth where there is no gravity."""
     free = pack.mass[~pack.fixed]
@@ -96,33 +87,34 @@ def make_world(
     turns: bool,
     gpu: bool,
     room: int = 0,
+    wall_room: int = 0,
     sleeps: bool = False,
     reach: float = 0.0,
     carried: Mapping[str, float] = MappingProxyType({}),
 ) -> World:
-    """World of `scene` with room for the grains of `pack` and `room` more; `extra` columns of the pair table follow a pair.
+    """World of `scene` with room for the grains of `pack` and `room` more, and for `wall_room` entries of walls.
 
-    `carried` names the columns that follow a grain, and what a grain starts with.
+    `extra` columns of the pair table follow a pair; `carried` names the columns that follow a grain, and what a grain starts with.
     """
     real = ti.f64 if scene.solver.precision == 64 else ti.f32
-    count = len(pack.radius)
-    capacity = round_up(count + room + 1)
+    count, capacity = len(pack.radius), round_up(len(pack.radius) + room + 1)
     radius, size = (pack.radius, pack.size) if count else 2 * (np.array([0.01 * min(scene.size)]),)
     largest, diameter = 2 * float(radius.max()), 2 * float(size.mean())
-    periodic, open_edges = edges_of(scene)
+    (periodic, open_edges), moves = edges_of(scene), bool(moving_walls(scene))
     spacing, sites = lay_lattice(scene.size, diameter, capacity)
-    least_cell, cells = plan_cells(scene.size, largest + reach * diameter, capacity)
+    least_cell, most_cells = plan_cells(scene.size, largest + reach * diameter, capacity)
     layout = "cells" if gpu else "strips" if count >= STRIPS_FROM else "one"
-    cells, lanes = round_up(cells + 1), LANES[layout]
+    cells, lanes = round_up(most_cells + 1), LANES[layout]
     blocks = {"one": 1, "strips": STRIPS, "cells": cells}[layout]
     rows, wall_rows = (per * most_discs(pack) for per in (PAIRS_PER_GRAIN, WALL_PAIRS_PER_GRAIN))
     wall_half, wall_base = wall_rows * capacity, rows * (capacity + lanes * min(blocks, STRIPS))
     world = World(
         grains=allocate_grains(real, capacity, pack.clumps),
-        pairs=allocate_pairs(real, capacity, wall_base + wall_half, wall_half, extra, 3 if sleeps else 2, pack.clumps),
+        pairs=allocate_pairs(real, capacity, wall_base + wall_half, wall_half, extra, 3 if sleeps else 2, pack.clumps, moves),
         blocks=allocate_blocks(blocks + sleeps, lanes),
         grid=allocate_grid(real, capacity, cells),
-        walls=lay_walls(scene, spacing, sites, largest / 2 + (MOST_REACH + reach) * diameter, real),
+        **lay_walls(scene, pack, spacing, sites, largest / 2 + (MOST_REACH + reach) * diameter, wall_room, gpu, real),
+        moves=moves,
         pace=pace_type(real).field(shape=()),
         flags=flags.allocate(),
         count=ti.field(ti.i32, ()),

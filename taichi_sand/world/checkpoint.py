@@ -12,7 +12,7 @@ import numpy as np
 
 from taichi_sand.scene.errors import SandError
 
-FORMAT = 1
+FORMAT = 2
 
 
 def fields_of(thing: Any, name: str) -> dict[str, Any]:

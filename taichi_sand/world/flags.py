@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-NOT_FINITE, TOO_FAST, ESCAPED, PAIRS_FULL, WALL_PAIRS_FULL = range(5)
+NOT_FINITE, TOO_FAST, ESCAPED, PAIRS_FULL, WALL_PAIRS_FULL, WALL_WAITS = range(6)
 NONE = 2**31 - 1
 
 SENTENCES = {
@@ -18,6 +18,8 @@ SENTENCES = {
     "Grains overlap heavily or sizes differ too much.",
     WALL_PAIRS_FULL: "The table of wall contacts overflowed {count} times, first at {time:.4g} s: contacts were missed. "
     "Too many walls lie close together.",
+    WALL_WAITS: "{count} steps long a moving wall waited, first at {time:.4g} s: grains were jammed in its way. Give it a `force` "
+    "that it pushes with at most, or less speed.",
 }
 
 

@@ -98,11 +98,36 @@ def point_velocity(velocity, spin, arm):
 
 
 @ti.func
-def rolling(w: ti.template(), i, j, wall: ti.template()):
+def motion_of(w: ti.template(), p, i, j, distance, normal, wall: ti.template()):
+    """Velocity of the second of pair p as seen from the first [m/s]: of the grains' centres; of a wall at the contact."""
+    motion = -velocity(w, i) if ti.static(wall) else velocity(w, j) - velocity(w, i)
+    if ti.static(wall and w.moves):
+        motion += wall_velocity(w, p, i, distance, normal)
+    return motion
+
+
+@ti.func
+def wall_velocity(w: ti.template(), p, i, distance, normal):
+    """Velocity of a wall that may move where pair p touches it [m/s]."""
+    v = ti.Vector([0.0, 0.0])
+    m = w.movers.wall[w.pairs.second[p]]
+    if m >= 0:
+        twist = w.movers.twist[m]
+        touch = moved(w, p, i, False) + at_most(w.pairs.contact_distance[p], distance) * normal
+        v = point_velocity(twist.xy, twist.z, touch - w.pairs.hinge[wall_row(w, p)] - w.movers.pose[m].zw)
+    return v
+
+
+@ti.func
+def rolling(w: ti.template(), p, i, j, wall: ti.template()):
     """Spin of the second grain as seen from the first [rad/s]; the radius that rolling goes with [m], that of the grain on a wall,
     R_i R_j / (R_i + R_j) between two grains; and the effective moment of inertia against it [kg m2].
     """
     roll, radius, give = -spin(w, i), w.grains.radius[i], w.grains.mobility[i].z
+    if ti.static(wall and w.moves):
+        m = w.movers.wall[w.pairs.second[p]]
+        if m >= 0:
+            roll += w.movers.twist[m].z
     if ti.static(not wall):
         roll += spin(w, j)
         radius *= w.grains.radius[j] / (radius + w.grains.radius[j])
@@ -129,6 +154,30 @@ def moved(w: ti.template(), p, i, second: ti.template()):
 
 
 @ti.func
+def turned_by(pose, a):
+    """a turned by the angle of which `pose` has cosine and sine."""
+    return ti.Vector([pose.x * a.x - pose.y * a.y, pose.y * a.x + pose.x * a.y])
+
+
+@ti.func
+def wall_now(w: ti.template(), p, q, side):
+    """Point, `along` and `bounds` of wall pair p, row q of the wall-only columns, where the wall is now; the point from where the
+    grain was at the search [m].
+    """
+    pairs = ti.static(w.pairs)
+    reach, along, bounds = pairs.reach[p], pairs.along[q], pairs.bounds[q]
+    if ti.static(w.moves):
+        m = w.movers.wall[pairs.second[p]]
+        if m >= 0:
+            pose = w.movers.pose[m]
+            reach = pairs.hinge[q] + pose.zw + turned_by(pose, reach - pairs.hinge[q])
+            along = turned_by(pose, along)
+            if side == 0.0:
+                bounds = turned_by(pose, bounds)
+    return reach, along, bounds
+
+
+@ti.func
 def distance_to_second(w: ti.template(), p, i, wall: ti.template()):
     """Distance [m] from the centre of the disc of grain i, first of pair p, to the second: a centre, or the nearest point of a wall.
 
@@ -140,9 +189,10 @@ def distance_to_second(w: ti.template(), p, i, wall: ti.template()):
     distance = 0.0
     if ti.static(wall):
         q = wall_row(w, p)
-        along, side, bounds = pairs.along[q], pairs.side[q], pairs.bounds[q]
+        side = pairs.side[q]
+        reach, along, bounds = wall_now(w, p, q, side)
         shift = moved(w, p, i, False)
-        rest = pairs.reach[p] - shift
+        rest = reach - shift
         if side == 0.0:
             distance = ti.sqrt(rest.dot(rest)) + 1e-30
             normal = rest / distance
@@ -150,6 +200,8 @@ def distance_to_second(w: ti.template(), p, i, wall: ti.template()):
                 distance = 1e30
         else:
             slid = along.dot(shift)
+            if ti.static(w.moves):  # along the wall as it stands now
+                slid = pairs.along[q].dot(pairs.reach[p]) - along.dot(rest)
             normal = -side * perp(along)
             distance = rest.dot(normal)
             if slid < bounds.x or slid > bounds.y:

@@ -8,7 +8,7 @@ none. Sums over all grains are exact whatever is set off.
 
 import taichi as ti
 
-from taichi_sand.world.geometry import add, movable
+from taichi_sand.world.geometry import add, movable, perp, wall_velocity
 
 
 @ti.func
@@ -46,6 +46,15 @@ def set_off(w: ti.template(), s: ti.template(), i, j, first, second, wall: ti.te
         book(w, s, i, one)
         book(w, s, j, two)
         split(w, s, i, j, -one - two, wall)
+
+
+@ti.func
+def drive(w: ti.template(), s: ti.template(), p, distance, normal, impulse, wall: ti.template()):
+    """Pair p gives an impulse (normal, tangential) [N s] to its second. What a wall that moves does against it is no heat lost."""
+    if ti.static(s.books and wall and w.moves):
+        i = w.pairs.first[p]
+        v = wall_velocity(w, p, i, distance, normal)
+        book(w, s, i, -(impulse.x * v.dot(normal) + impulse.y * v.dot(perp(normal))))
 
 
 @ti.func

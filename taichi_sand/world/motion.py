@@ -5,6 +5,7 @@ import taichi as ti
 from taichi_sand.world.clumps import head, off_arc, span
 from taichi_sand.world.flags import NOT_FINITE, TOO_FAST, flag
 from taichi_sand.world.geometry import add, at_least, spin, velocity
+from taichi_sand.world.movers import close_walls
 
 FASTEST_SURFACE = 4.0
 """No surface turns faster than this times the speed cap: between physical limits never met, it keeps what is not physical finite."""
@@ -90,6 +91,8 @@ def close_step(w: ti.template()):
     """Counts the step, and says whether the next one needs a search first."""
     pace = ti.static(w.pace)
     if pace[None].spent == 0:
+        if ti.static(w.moves):
+            close_walls(w)
         pace[None].since += 1
         pace[None].done += 1
         late = ti.cast(pace[None].since + 1, w.real) * pace[None].step > pace[None].horizon

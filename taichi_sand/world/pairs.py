@@ -11,6 +11,7 @@ from taichi_sand.world.flags import PAIRS_FULL, flag
 from taichi_sand.world.geometry import mobility, perp, present, spin, velocity
 from taichi_sand.world.grid import anchor, cell_of, cut_blocks, lay_cells, outside, permute, sort
 from taichi_sand.world.memory import carry, remember
+from taichi_sand.world.movers import cast_walls, start_walls
 from taichi_sand.world.naps import call, settle, site_of, translate
 from taichi_sand.world.tables import CHUNK, FAR, STRIPS
 from taichi_sand.world.wall_pairs import list_walls
@@ -49,6 +50,12 @@ def foresee(w: ti.template()):
     slack = ti.min(ti.max(ahead, LEAST_SLACK * d), MOST_SLACK * d)
     pace.skin = skin
     fastest = ti.max(ti.abs(low), ti.abs(high)).norm() * pace.step
+    pushing = ti.Vector([0.0, 0.0])
+    if ti.static(w.moves):
+        ti.loop_config(serialize=True)
+        for _run in range(1):
+            pushing = start_walls(w)
+            fastest += pushing.x * pace.step
     pace.horizon = ti.min(slack / (approach + 1e-20), 2.0 * MOST_SLACK * d / (fastest + 1e-20)) * pace.step
     pace.since, pace.off_path, pace.spent = 0, 0.0, 0
     pace.searches += 1
@@ -56,6 +63,12 @@ def foresee(w: ti.template()):
     pace.half = 1 - pace.half
     w.pace[None] = pace
     lay_cells(w, box.largest + box.bridge + skin + slack)
+    if ti.static(w.moves):
+        flight = fastest / pace.step * pace.horizon
+        sight = box.largest * ti.static(1.5 if w.clumps else 0.5) + box.bridge + skin + (1.0 + pushing.y * pace.horizon) * flight
+        ti.loop_config(serialize=True)
+        for _run in range(1):
+            cast_walls(w, sight)
 
 
 @ti.func

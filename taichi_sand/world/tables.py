@@ -74,6 +74,7 @@ class Pairs(NamedTuple):
     along: Any  # wall pairs: direction of the wall; of a wall's end the first direction that leads off the wall
     bounds: Any  # wall pairs: how far the foot point may slide along the wall; of an end the second direction that leads off
     side: Any  # wall pairs: side of the wall the grain is on, +1 left of `along`, -1 right; 0 = an end of a wall
+    hinge: Any  # wall pairs, if walls move: from the grain's centre to the pivot of the wall at the last search [m]
     discs: Any  # clumps only, as all that follow: number of the first grain's disc times clumps.MOST, plus that of the second's, i32
     arms: Any  # of the two discs, each in the frame of its grain [m], 4-vector
     rims: Any  # their radii [m], 2-vector
@@ -101,6 +102,8 @@ class World:
     blocks: Blocks
     grid: Any  # world.grid.Grid
     walls: Any  # world.walls.Walls
+    movers: Any  # world.movers.Movers, or None if no wall moves
+    moves: bool  # whether a wall does
     pace: Any  # 0-D world.tables.Pace: what the search allows the march
     flags: Any  # world.flags: what went wrong
     count: Any  # 0-D i32: grains present, slots 0 .. count-1
@@ -183,7 +186,7 @@ def allocate_grains(real: Any, rows: int, clumps: bool) -> Grains:
     return Grains(*columns)
 
 
-def allocate_pairs(real: Any, capacity: int, half: int, wall_half: int, extra: int, parts: int, clumps: bool) -> Pairs:
+def allocate_pairs(real: Any, capacity: int, half: int, wall_half: int, extra: int, parts: int, clumps: bool, moves: bool) -> Pairs:
     """Empty pair table of two halves, or with sleepers three parts, for `capacity` grains, with `extra` columns that follow a pair from
     search to search, as its force does: what is read between a search and the next step is then still what the pair carries.
     """
@@ -206,6 +209,7 @@ def allocate_pairs(real: Any, capacity: int, half: int, wall_half: int, extra: i
         along=vectors(real, parts * wall_half),
         bounds=vectors(real, parts * wall_half),
         side=ti.field(real, parts * wall_half),
+        hinge=vectors(real, parts * wall_half) if moves else None,
         discs=ti.field(ti.i32, rows) if clumps else None,
         arms=ti.Vector.field(4, real, rows) if clumps else None,
         rims=vectors(real, rows) if clumps else None,

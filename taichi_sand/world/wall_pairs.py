@@ -4,7 +4,7 @@ import taichi as ti
 
 from taichi_sand.world.clumps import MOST, disc_count, disc_of, turned, weigh
 from taichi_sand.world.flags import WALL_PAIRS_FULL, flag
-from taichi_sand.world.geometry import at_least, at_most, distance_to_second, spin, velocity, wall_row
+from taichi_sand.world.geometry import at_least, at_most, distance_to_second, point_velocity, position, spin, velocity, wall_row
 from taichi_sand.world.memory import remember_wall
 
 
@@ -20,11 +20,24 @@ def list_walls(w: ti.template(), i, q, last):
     if g.mobility[i].x > 0.0:
         site = place.x * sites.y + place.y
         for e in range(walls.start[site], walls.start[site + 1]):
-            if ti.static(w.clumps):
-                for a in range(disc_count(w, i)):
-                    row = list_wall(w, i, a, e, walls.point[e] - over, row, last)
-            else:
-                row = list_wall(w, i, 0, e, walls.point[e] - over, row, last)
+            row = list_entry(w, i, e, over, row, last)
+        if ti.static(w.moves):
+            k = w.movers.head[site]
+            while k >= 0:
+                row = list_entry(w, i, walls.room + k, over, row, last)
+                k = w.movers.next[k]
+    return row
+
+
+@ti.func
+def list_entry(w: ti.template(), i, e, over, q, last):
+    """Lists the discs of grain i, `over` from the centre of its site, with entry e of the walls. Returns the next row."""
+    row = q
+    if ti.static(w.clumps):
+        for a in range(disc_count(w, i)):
+            row = list_wall(w, i, a, e, w.walls.point[e] - over, row, last)
+    else:
+        row = list_wall(w, i, 0, e, w.walls.point[e] - over, row, last)
     return row
 
 
@@ -42,12 +55,20 @@ def list_wall(w: ti.template(), i, a, e, way, row, last):
         arm = turned(w, i, disc.xy)
         reach -= arm
         near += disc.z - g.radius[i] + at_most(ti.abs(spin(w, i)) * pace.horizon, 2.0) * arm.norm()
-    beyond, toward = 0.0, flight.norm()
+    beyond = 0.0
     if side >= 0:
         slid = -along.dot(reach)
         reach += slid * along
         bounds -= slid
         beyond = ti.max(bounds.x, -bounds.y, 0.0)
+    if ti.static(w.moves):
+        m = w.movers.wall[walls.part[e]]
+        if m >= 0:  # a wall that turns also comes closer where the grain slides along it
+            motion = w.movers.start[m]
+            flight -= point_velocity(motion.xy, motion.z, position(w, i) + arm + reach - w.movers.hinge[m]) * pace.horizon
+            near += ti.abs(motion.z) * pace.horizon * flight.norm()
+    toward = flight.norm()
+    if side >= 0:
         toward = at_least(0.0, flight.dot(reach) / (reach.norm() + 1e-30))
     next_row = row
     distance = reach.norm()
@@ -83,6 +104,10 @@ def write_wall_row(w: ti.template(), row, i, a, part, reach, arm, along, bounds,
         pairs.root_mass[row] = ti.sqrt(pairs.mass[row])
         pairs.mass_t[row] = 1.0 / (g.mobility[i].x + g.mobility[i].z * g.radius[i] ** 2)
     pairs.along[k], pairs.bounds[k] = along, bounds
+    if ti.static(w.moves):
+        m = w.movers.wall[part]
+        if m >= 0:
+            pairs.hinge[k] = w.movers.hinge[m] - position(w, i)
     side = 0.0
     if kind == 1:
         side = 1.0

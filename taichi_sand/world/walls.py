@@ -11,8 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import taichi as ti
 
+from taichi_sand.world.tables import round_up
+
 FAR = 1e30
-EDGE_PARTS = 4
+ENTRIES_PER_PART = 8
+"""Fewest lattice sites that a part is felt from, about."""
 
 
 class Walls(NamedTuple):
@@ -26,6 +29,7 @@ class Walls(NamedTuple):
     side: Any  # 1 = grains are always on its left (an edge of the box), 0 = a line with two sides, -1 = an end
     friction: Any  # its own coefficient, < 0 = none: shape (parts,), or None if no wall has one
     rough: bool  # whether a wall has one
+    room: int  # entries of still walls that there may be; behind them are those of walls that move
 
 
 @dataclass
@@ -37,6 +41,11 @@ class Part:
     bounds: np.ndarray
     side: int
     friction: float = -1.0  # < 0: that of the effect
+    mover: int = -1  # which moving wall it belongs to; -1 = it stands still
+
+    def key(self) -> bytes:
+        """What makes it the same part in another table."""
+        return np.concatenate([self.point, self.along, self.bounds, [self.side, self.friction, self.mover]]).tobytes()
 
 
 def edge_parts(size: tuple[float, float], walled: Sequence[bool]) -> list[Part]:
@@ -51,24 +60,24 @@ def edge_parts(size: tuple[float, float], walled: Sequence[bool]) -> list[Part]:
     ]
 
 
-def polyline_parts(points: np.ndarray, closed: bool, friction: float | None = None) -> list[Part]:
-    """Lines and ends of a polyline through `points` [m], shape (n, 2), with a coefficient of friction if it has its own."""
+def polyline_parts(points: np.ndarray, closed: bool, friction: float | None = None, mover: int = -1) -> list[Part]:
+    """Lines and ends of a polyline through `points` [m], shape (n, 2), the first one again at the end if it is closed; with a
+    coefficient of friction if it has its own, and the number of the moving wall that it is, if it is one.
+    """
     points = np.asarray(points, float)
-    if closed:
-        points = np.vstack([points, points[:1]])
     steps = np.diff(points, axis=0)
     lengths = np.hypot(*steps.T)
     keep = lengths > 0
     starts, lengths = points[:-1][keep], lengths[keep]
     along = steps[keep] / lengths[:, None]
     own = -1.0 if friction is None else friction
-    parts = [Part(s, a, np.array([0.0, n]), 0, own) for s, a, n in zip(starts, along, lengths, strict=True)]
+    parts = [Part(s, a, np.array([0.0, n]), 0, own, mover) for s, a, n in zip(starts, along, lengths, strict=True)]
     count = len(along)
     for k in range(count + (0 if closed else 1)):
         before = along[k - 1] if (k > 0 or closed) else None
         after = -along[k % count] if (k < count or closed) else None
         ways = [way for way in (before, after) if way is not None]
-        parts.append(Part(starts[k] if k < count else points[-1], ways[0], ways[-1], -1, own))
+        parts.append(Part(starts[k] if k < count else points[-1], ways[0], ways[-1], -1, own, mover))
     return parts
 
 
@@ -92,39 +101,87 @@ def near_sites(part: Part, spacing: np.ndarray, sites: tuple[int, int], reach: f
     return np.stack([x, y], 1)[felt], carrier[felt], gone[felt]
 
 
-def build_walls(parts: list[Part], spacing: tuple[float, float], sites: tuple[int, int], reach: float, real: Any) -> Walls:
-    """Wall table; `reach` [m] is the largest distance from a centre at which a search may want to know of a wall."""
-    numpy_real = np.float64 if real == ti.f64 else np.float32
+def cast_parts(parts: list[Part], spacing: tuple[float, float], sites: tuple[int, int], reach: float) -> list[np.ndarray]:
+    """The entries of the parts that stand still, by lattice site: start of each site; part, side, point, along and bounds of each entry."""
     columns: list[list[np.ndarray]] = [[] for _ in range(6)]
     step = np.array(spacing)
     for number, part in enumerate(parts):
+        if part.mover >= 0:
+            continue
         site, seen, gone = near_sites(part, step, sites, reach)
         rows = len(site)
         bounds = np.tile(part.bounds, (rows, 1)) - (gone[:, None] if part.side != -1 else 0.0)
         whole = [site[:, 0] * sites[1] + site[:, 1], np.full(rows, number), np.full(rows, part.side)]
         for column, values in zip(columns, [*whole, seen, np.tile(part.along, (rows, 1)), bounds], strict=True):
             column.append(values)
-    site, number, side, seen, along, bounds = (np.concatenate(c) if c else np.zeros(0) for c in columns)
+    empty = [np.zeros((0, 2) if k > 2 else 0) for k in range(6)]
+    site, *entries = (np.concatenate(c) if c else none for c, none in zip(columns, empty, strict=True))
     order = np.argsort(site, kind="stable")
     start = np.searchsorted(site[order], np.arange(sites[0] * sites[1] + 1))
-    rows = max(1, len(order))
+    return [start, *(values[order] for values in entries)]
+
+
+def moving_entries(parts: list[Part], spacing: tuple[float, float], reach: float) -> int:
+    """How many lattice sites the moving parts can be felt from at most: those in the rounded strips around them."""
+    wide = reach + np.hypot(*spacing)
+    lengths = [part.bounds[1] if part.side != -1 else 0.0 for part in parts if part.mover >= 0]
+    return round_up(int(sum(2 * wide * length + np.pi * wide**2 for length in lengths) / np.prod(spacing))) if lengths else 0
+
+
+def build_walls(parts: list[Part], spacing: tuple[float, float], sites: tuple[int, int], reach: float, real: Any, room: int) -> Walls:
+    """Wall table with room for at least `room` entries; `reach` [m] is the largest distance from a centre at which a search may want
+    to know of a wall.
+    """
+    entries = cast_parts(parts, spacing, sites, reach)
+    room = round_up(max(room, len(entries[1])))
+    rows = room + moving_entries(parts, spacing, reach)
     rough = any(part.friction >= 0 for part in parts)
     table = Walls(
-        start=ti.field(ti.i32, len(start)),
+        start=ti.field(ti.i32, len(entries[0])),
         part=ti.field(ti.i32, rows),
         point=ti.Vector.field(2, real, rows),
         along=ti.Vector.field(2, real, rows),
         bounds=ti.Vector.field(2, real, rows),
         side=ti.field(ti.i32, rows),
-        friction=ti.field(real, len(parts)) if rough else None,
+        friction=ti.field(real, part_room(room, parts)) if rough else None,
         rough=rough,
+        room=room,
     )
-    if rough:
-        table.friction.from_numpy(np.array([part.friction for part in parts], numpy_real))
-    table.start.from_numpy(start.astype(np.int32))
-    if len(order):
-        for field, values in ((table.part, number), (table.side, side)):
-            field.from_numpy(values[order].astype(np.int32))
-        for field, values in ((table.point, seen), (table.along, along), (table.bounds, bounds)):
-            field.from_numpy(values[order].astype(numpy_real))
+    write_walls(table, parts, entries)
     return table
+
+
+def part_room(room: int, parts: list[Part]) -> int:
+    """Room for parts in a table with room for so many entries."""
+    return round_up(max(room // ENTRIES_PER_PART, len(parts)))
+
+
+def fits(table: Walls, parts: list[Part], entries: list[np.ndarray]) -> bool:
+    """Whether there is room for these parts and entries in the table."""
+    rough = any(part.friction >= 0 for part in parts)
+    return len(entries[1]) <= table.room and len(parts) <= part_room(table.room, []) and (table.rough or not rough)
+
+
+def write_walls(table: Walls, parts: list[Part], entries: list[np.ndarray]) -> None:
+    """Puts parts and their entries into the table."""
+    columns = [table.start, table.part, table.side, table.point, table.along, table.bounds]
+    for field, values in zip(columns, entries, strict=True):
+        write_rows(field, values)
+    if table.rough:
+        write_rows(table.friction, np.array([part.friction for part in parts]))
+
+
+def write_rows(field: Any, values: np.ndarray) -> None:
+    """The first rows of a field; zeros behind."""
+    whole = np.zeros_like(field.to_numpy())
+    whole[: len(values)] = values
+    field.from_numpy(whole)
+
+
+def renumber(before: list[Part], after: list[Part]) -> np.ndarray:
+    """Number that each part of `before` has in `after`, -1 if it is not there; shape (parts,), i32."""
+    places: dict[bytes, list[int]] = {}
+    for number, part in enumerate(after):
+        places.setdefault(part.key(), []).insert(0, number)
+    found = [places.get(part.key(), []) for part in before]
+    return np.array([numbers.pop() if numbers else -1 for numbers in found], np.int32)

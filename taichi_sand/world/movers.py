@@ -1,0 +1,253 @@
+"""Walls that move: their clocks, where they are, how fast, and the lattice sites they are felt from.
+
+Every moving wall has a clock, and is where the scene says it is at the time that its clock shows (scene.moving). The clock keeps
+simulated time, unless grains are jammed in the way: a wall without `force` then waits; one with `force` has a motor that pushes with
+that force at rest, less the faster it runs, and with none at the speed that the scene asks for. Since the last search a wall has
+turned and shifted a little; its parts are listed anew, by lattice site, in every search.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import taichi as ti
+
+from taichi_sand.scene import moving
+from taichi_sand.world.flags import WALL_PAIRS_FULL, WALL_WAITS, flag
+from taichi_sand.world.geometry import at_most, perp
+from taichi_sand.world.ledger import drive
+
+UNIT = 1 << 16
+"""Whole number that stands for a motor's full force: whole numbers can be summed in any order."""
+MOST_PUSH = 1000.0
+"""No contact counts for more than this times the full force."""
+RESPONSE = 0.02
+"""Time in which a motor gets up to speed [s], at least; and so much that it has the inertia of HEAVIER rows of grains."""
+HEAVIER = 4.0
+JAMMED = 0.1
+"""Overlap with a wall at which it waits, in mean diameters, or so many tolerances."""
+TOLERANCES = 3.0
+
+
+class Movers(NamedTuple):
+    """Shape (moving walls,) unless said otherwise; `wide` numbers have 64 bits on a CPU."""
+
+    velocity: Any  # as the scene has it, as the next four: 2-vector [m/s], wide
+    spin: Any  # [rad/s], wide
+    pivot: Any  # 2-vector [m], wide
+    amplitude: Any  # 2-vector [m], wide
+    omega: Any  # [rad/s], wide
+    lever: Any  # of the farthest point [m]
+    power: Any  # of the motor: its force times its speed [W]; 0 = none
+    response: Any  # of the motor [s]
+    age: Any  # what the clock showed at the last search [s], wide
+    since: Any  # what it has gone on since [s]
+    rate: Any  # how fast it goes
+    hinge: Any  # where the pivot was at the last search [m], 2-vector
+    phase: Any  # of the shaking then [rad]
+    start: Any  # motion then: velocity of the pivot x, y and spin, 0; 4-vector
+    pose: Any  # cosine and sine of the turn, and the shift of the pivot, since; 4-vector
+    twist: Any  # motion now
+    push: Any  # power that contacts take from the motor in this step, of UNIT; i32
+    press: Any  # deepest overlap in this step [m]
+    jam: Any  # 0-D: overlap at which a wall without a motor waits [m]
+    wall: Any  # of every part of all walls: which moving wall it belongs to, -1 = none; shape (parts,), i32
+    part: Any  # of every part that moves, as the next three: its number; shape (moving parts,), i32
+    home: Any  # its point from the pivot, and its `along`, at time 0; 4-vector, wide
+    bounds: Any  # as of walls.Part, at time 0
+    side: Any  # as of walls.Part
+    head: Any  # last entry of each lattice site, -1 = none; shape (sites,), i32
+    next: Any  # the entry before, from row `first` of the walls on; shape (entries,), i32
+    site: Any  # its site
+    count: Any  # 0-D i32: entries in use
+
+
+def allocate_movers(real: Any, wide: Any, walls: int, every: int, parts: int, sites: int, entries: int) -> Movers:
+    """Empty tables for so many moving walls, parts of all walls, parts that move, lattice sites and entries."""
+    pairs = {"velocity": wide, "pivot": wide, "amplitude": wide, "hinge": real}
+    fields: dict[str, Any] = {name: ti.Vector.field(2, kind, walls) for name, kind in pairs.items()}
+    fields |= {name: ti.Vector.field(4, real, walls) for name in ("start", "pose", "twist")}
+    fields |= {name: ti.field(wide, walls) for name in ("spin", "omega", "age")}
+    fields |= {name: ti.field(real, walls) for name in ("lever", "power", "response", "since", "rate", "phase", "press")}
+    fields |= {"push": ti.field(ti.i32, walls), "jam": ti.field(real, ()), "wall": ti.field(ti.i32, every)}
+    fields |= {"part": ti.field(ti.i32, parts), "side": ti.field(ti.i32, parts), "home": ti.Vector.field(4, wide, parts)}
+    fields |= {"bounds": ti.Vector.field(2, wide, parts), "head": ti.field(ti.i32, sites), "count": ti.field(ti.i32, ())}
+    fields |= {name: ti.field(ti.i32, entries) for name in ("next", "site")}
+    return Movers(**fields)
+
+
+def set_out(movers: Movers, walls: Sequence[Any], row_mass: Sequence[float]) -> None:
+    """All clocks at 0, for these moving [[walls]]; `row_mass` [kg] is that of a row of grains along each."""
+    shakes = [moving.shaking(wall) for wall in walls]
+    speeds = np.array([np.hypot(*wall.velocity) for wall in walls])
+    force = np.array([wall.force or 0.0 for wall in walls])
+    columns = {
+        "velocity": [wall.velocity for wall in walls],
+        "spin": [wall.spin for wall in walls],
+        "pivot": [moving.pivot(wall) for wall in walls],
+        "amplitude": [amplitude for amplitude, _ in shakes],
+        "omega": [omega for _, omega in shakes],
+        "lever": [moving.lever(wall) for wall in walls],
+        "power": force * speeds,
+        "response": np.maximum(RESPONSE, HEAVIER * np.array(row_mass) * speeds / np.where(force > 0, force, np.inf)),
+        "rate": np.where(force > 0, 0.0, 1.0),
+        "head": np.full(movers.head.shape[0], -1),
+    }
+    for name, values in columns.items():
+        field = getattr(movers, name)
+        field.from_numpy(np.array(values).astype(field.to_numpy().dtype))
+
+
+def hours(movers: Movers) -> np.ndarray:
+    """What the clock of each moving wall shows [s]."""
+    return movers.age.to_numpy().astype(float) + movers.since.to_numpy()
+
+
+@ti.func
+def shift_of(movers: ti.template(), m, phase, time):
+    """Shift of the pivot of wall m within `time` after the shaking had this phase [m]."""
+    turn = 0.5 * movers.omega[m] * time
+    return movers.velocity[m] * time + 2.0 * ti.cos(phase + turn) * ti.sin(turn) * movers.amplitude[m]
+
+
+@ti.func
+def motion_at(movers: ti.template(), m, phase):
+    """Velocity of the pivot [m/s] and spin [rad/s] of wall m when the shaking has this phase, its clock going at rate 1."""
+    v = movers.velocity[m] + movers.omega[m] * ti.cos(phase) * movers.amplitude[m]
+    return ti.Vector([v.x, v.y, movers.spin[m], 0.0])
+
+
+@ti.func
+def place_walls(w: ti.template(), ahead, lead):
+    """Puts the moving walls where they are `ahead` of this step, 0 … 1, with the motion that they have at `lead` of it."""
+    movers = ti.static(w.movers)
+    if w.pace[None].spent == 0:
+        for m in range(movers.pose.shape[0]):
+            step = movers.rate[m] * w.pace[None].step
+            time = movers.since[m] + ahead * step
+            turn = ti.cast(movers.spin[m] * time, w.real)
+            shift = ti.cast(shift_of(movers, m, movers.phase[m], time), w.real)
+            movers.pose[m] = ti.Vector([ti.cos(turn), ti.sin(turn), shift.x, shift.y])
+            phase = movers.phase[m] + movers.omega[m] * (movers.since[m] + lead * step)
+            movers.twist[m] = ti.cast(movers.rate[m] * motion_at(movers, m, phase), w.real)
+            movers.push[m], movers.press[m] = 0, 0.0
+
+
+@ti.func
+def feel(w: ti.template(), s: ti.template(), c: ti.template(), p, distance, normal, force, wall: ti.template()):
+    """Notes what contact p presses on a wall in this step, if that moves: `force` (normal, tangential) on it [N]."""
+    drive(w, s, p, distance, normal, force * c.step, wall)
+    if ti.static(wall and w.moves):
+        movers = ti.static(w.movers)
+        m = movers.wall[w.pairs.second[p]]
+        if m >= 0 and force.x > 0.0:
+            ti.atomic_max(movers.press[m], w.pairs.contact_distance[p] - distance)
+            if movers.power[m] > 0.0:
+                v = ti.cast(movers.velocity[m], w.real)
+                taken = -(force.x * v.dot(normal) + force.y * v.dot(perp(normal))) / movers.power[m]
+                ti.atomic_add(movers.push[m], ti.cast(ti.round(ti.max(-MOST_PUSH, ti.min(MOST_PUSH, taken)) * UNIT), ti.i32))
+
+
+@ti.func
+def close_walls(w: ti.template()):
+    """Ends a step: the clocks have gone on, and go on as what is in the way allows; notes how far walls are off their foreseen paths."""
+    movers = ti.static(w.movers)
+    pace = w.pace[None]
+    off_path = pace.off_path
+    for m in range(movers.pose.shape[0]):
+        movers.since[m] += movers.rate[m] * pace.step
+        if movers.power[m] > 0.0:
+            push = ti.cast(movers.push[m], w.real) / UNIT
+            goal = ti.max(-1.0, ti.min(1.0, 1.0 - push))
+            movers.rate[m] += at_most(0.25, pace.step / movers.response[m]) * (goal - movers.rate[m])
+        else:
+            waits = movers.press[m] > movers.jam[None]
+            movers.rate[m] = 0.0 if waits else 1.0
+            if waits:
+                flag(w, WALL_WAITS, m)
+        time = ti.cast(pace.since + 1, w.real) * pace.step
+        turn = ti.cast(movers.spin[m], w.real) * movers.since[m]
+        shift = ti.cast(shift_of(movers, m, movers.phase[m], movers.since[m]), w.real)
+        off = (shift - movers.start[m].xy * time).norm()
+        off += movers.lever[m] * (ti.abs(turn - movers.start[m].z * time) + 0.5 * turn * turn)
+        off_path = ti.max(off_path, off * off)
+        movers.pose[m] = ti.Vector([ti.cos(turn), ti.sin(turn), shift.x, shift.y])
+    w.pace[None].off_path = off_path
+
+
+@ti.func
+def start_walls(w: ti.template()):
+    """In a search: where the moving walls are is where they start from now. Returns their fastest point [m/s] and spin [rad/s]."""
+    movers = ti.static(w.movers)
+    fastest = ti.Vector([0.0, 0.0])
+    for m in range(movers.pose.shape[0]):
+        age = movers.age[m] + movers.since[m]
+        turns = movers.omega[m] * age / (2 * ti.math.pi)
+        phase = 2 * ti.math.pi * (turns - ti.floor(turns))
+        movers.age[m], movers.since[m], movers.phase[m] = age, 0.0, ti.cast(phase, w.real)
+        movers.hinge[m] = ti.cast(pivot_at(movers, m, age, phase), w.real)
+        movers.pose[m] = ti.Vector([1.0, 0.0, 0.0, 0.0])
+        movers.start[m] = ti.cast(movers.rate[m] * motion_at(movers, m, phase), w.real)
+        motion = movers.start[m]
+        speed = motion.xy.norm() + ti.abs(motion.z) * movers.lever[m]
+        fastest = ti.max(fastest, ti.Vector([speed, ti.abs(motion.z)]))
+    return fastest
+
+
+@ti.func
+def pivot_at(movers: ti.template(), m, age, phase):
+    """Where the pivot of wall m is when its clock shows `age` [m], wide."""
+    return movers.pivot[m] + movers.velocity[m] * age + ti.sin(phase) * movers.amplitude[m]
+
+
+@ti.func
+def cast_walls(w: ti.template(), sight):
+    """In a search: lists the moving parts at every lattice site from whose cell a grain may meet them, up to `sight` [m] off."""
+    movers = ti.static(w.movers)
+    box = w.box[None]
+    for e in range(movers.count[None]):
+        movers.head[movers.site[e]] = -1
+    movers.count[None] = 0
+    far = sight + 0.5 * box.spacing.norm()
+    for k in range(movers.part.shape[0]):
+        m = movers.wall[movers.part[k]]
+        if m >= 0:
+            angle = movers.spin[m] * movers.age[m]
+            cos, sin = ti.cos(angle), ti.sin(angle)
+            home, bounds = movers.home[k], movers.bounds[k]
+            point = pivot_at(movers, m, movers.age[m], movers.omega[m] * movers.age[m])
+            point += ti.Vector([cos * home.x - sin * home.y, sin * home.x + cos * home.y])
+            along = ti.Vector([cos * home.z - sin * home.w, sin * home.z + cos * home.w])
+            length = bounds.y
+            if movers.side[k] == -1:
+                bounds = ti.Vector([cos * bounds.x - sin * bounds.y, sin * bounds.x + cos * bounds.y])
+                length = 0.0
+            low, high = ti.min(point, point + length * along) - far, ti.max(point, point + length * along) + far
+            first = ti.max(ti.cast(ti.floor(low / box.spacing), ti.i32), 0)
+            last = ti.min(ti.cast(ti.floor(high / box.spacing), ti.i32), box.sites - 1)
+            for x in range(first.x, last.x + 1):
+                for y in range(first.y, last.y + 1):
+                    cast_part(w, k, x, y, point - (ti.Vector([x, y]) + 0.5) * box.spacing, along, bounds, length, far)
+
+
+@ti.func
+def cast_part(w: ti.template(), k, x, y, way, along, bounds, length, far):
+    """Lists moving part k at site (x, y), if it is near: its point is at `way` from the site's centre."""
+    movers, walls = ti.static(w.movers, w.walls)
+    gone = -way.dot(along)
+    to = way + ti.max(0.0, ti.min(length, gone)) * along
+    if to.dot(to) <= far * far:
+        k_e = movers.count[None]
+        if k_e < movers.next.shape[0]:
+            e = walls.room + k_e
+            site = x * w.box[None].sites.y + y
+            movers.next[k_e], movers.site[k_e] = movers.head[site], site
+            movers.head[site] = k_e
+            movers.count[None] = k_e + 1
+            line = movers.side[k] != -1
+            walls.part[e], walls.side[e] = movers.part[k], movers.side[k]
+            walls.along[e] = ti.cast(along, w.real)
+            walls.point[e] = ti.cast(way + gone * along if line else way, w.real)
+            walls.bounds[e] = ti.cast(bounds - gone if line else bounds, w.real)
+        else:
+            flag(w, WALL_PAIRS_FULL, 0)

@@ -1,0 +1,136 @@
+"""From the [[walls]] of a scene to the tables of the world, at the start and while it runs."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from taichi_sand.scene import moving
+from taichi_sand.scene.packing import Pack
+from taichi_sand.world.movers import JAMMED, TOLERANCES, Movers, allocate_movers, hours, set_out
+from taichi_sand.world.pairs import MOST_REACH
+from taichi_sand.world.rest import wake
+from taichi_sand.world.tables import World
+from taichi_sand.world.walls import (
+    Part,
+    build_walls,
+    cast_parts,
+    edge_parts,
+    fits,
+    part_room,
+    polyline_parts,
+    renumber,
+    write_rows,
+    write_walls,
+)
+
+SIDES = ("left", "right", "bottom", "top")
+
+
+def wall_parts(scene: Any) -> list[Part]:
+    """Edges and walls of `scene` in parts."""
+    parts = edge_parts(scene.size, [getattr(scene.edges, side) == "wall" for side in SIDES])
+    moving_ones = 0
+    for wall in scene.walls:
+        mover = moving_ones if moving.moves(wall) else -1
+        moving_ones += mover >= 0
+        parts += polyline_parts(moving.corners(wall), wall.closed, wall.friction, mover)
+    return parts
+
+
+def moving_walls(scene: Any) -> list[Any]:
+    """The [[walls]] that move."""
+    return [wall for wall in scene.walls if moving.moves(wall)]
+
+
+def standing_walls(world: World, scene: Any) -> list[np.ndarray]:
+    """Corners (n, 2) [m] of every one of the [[walls]] of `scene`, where it is now."""
+    times = iter(hours(world.movers)) if world.moves else iter(())
+    return [moving.corners(wall, next(times) if moving.moves(wall) else 0.0) for wall in scene.walls]
+
+
+def fastest_wall(scene: Any) -> float:
+    """Speed of the fastest point of a wall [m/s]."""
+    return max((moving.top_speed(wall) for wall in moving_walls(scene)), default=0.0)
+
+
+def check_speeds(scene: Any, cap: float) -> None:
+    """SandError if a wall moves faster than can be followed, `cap` [m/s]."""
+    for index, wall in enumerate(scene.walls):
+        if moving.moves(wall) and (speed := moving.top_speed(wall)) > cap:
+            text = f"moves at up to {speed:.3g} m/s; with this step no more than {cap:.3g} m/s can be followed, a smaller one allows more"
+            raise scene.error(f"walls[{index}]", text)
+
+
+def set_patience(world: World, tolerance: float) -> None:
+    """How deep grains may be pressed into a moving wall before it waits, for grains that may overlap by `tolerance` d at rest."""
+    if world.moves:
+        world.movers.jam[None] = max(JAMMED, TOLERANCES * tolerance) * world.box[None].diameter
+
+
+def lay_walls(
+    scene: Any,
+    pack: Pack,
+    spacing: tuple[float, float],
+    sites: tuple[int, int],
+    reach: float,
+    room: int,
+    gpu: bool,
+    real: Any,
+) -> dict[str, Any]:
+    """The tables of still and moving walls, felt up to `reach` [m] from a centre, with room for `room` entries of still ones."""
+    parts = wall_parts(scene)
+    walls = build_walls(parts, spacing, sites, reach, real, room)
+    return {"walls": walls, "movers": build_movers(scene, parts, walls, sites, pack, gpu, real)}
+
+
+def build_movers(scene: Any, parts: list[Part], walls: Any, sites: tuple[int, int], pack: Pack, gpu: bool, real: Any) -> Movers | None:
+    """The tables of the walls of `scene` that move; None if none does."""
+    found = moving_walls(scene)
+    if not found:
+        return None
+    count, entries = sum(part.mover >= 0 for part in parts), walls.part.shape[0] - walls.room
+    movers = allocate_movers(real, real if gpu else ti.f64, len(found), part_room(walls.room, parts), count, sites[0] * sites[1], entries)
+    grain = (float(pack.mass.mean()), 2 * float(pack.size.mean())) if len(pack) else (0.0, 1.0)
+    lengths = [np.hypot(*np.diff(moving.corners(wall), axis=0).T).sum() for wall in found]
+    set_out(movers, found, [grain[0] * (1 + length / grain[1]) for length in lengths])
+    write_parts(movers, parts)
+    return movers
+
+
+def write_parts(movers: Movers, parts: list[Part]) -> None:
+    """Which parts move, and how they lie at time 0."""
+    those = [(number, part) for number, part in enumerate(parts) if part.mover >= 0]
+    pivots = movers.pivot.to_numpy()
+    write_rows(movers.wall, np.array([part.mover for part in parts] + [-1] * (movers.wall.shape[0] - len(parts))))
+    write_rows(movers.part, np.array([number for number, _ in those]))
+    write_rows(movers.home, np.array([[*(part.point - pivots[part.mover]), *part.along] for _, part in those]))
+    write_rows(movers.bounds, np.array([part.bounds for _, part in those]))
+    write_rows(movers.side, np.array([part.side for _, part in those]))
+
+
+def change_walls(world: World, before: Any, after: Any) -> None:
+    """Puts the walls of scene `after` in the place of those of `before`, for the next search; SandError if there is no room for them.
+
+    What grains carry on parts that stay is remembered.
+    """
+    box, old, new = world.box[None], wall_parts(before), wall_parts(after)
+    reach = box.largest / 2 + MOST_REACH * box.diameter + box.bridge
+    entries = cast_parts(new, tuple(box.spacing), tuple(box.sites), reach)
+    if moving_walls(before) != moving_walls(after):
+        raise after.error("walls", "those that move must stay as they are while it runs")
+    if not fits(world.walls, new, entries):
+        rough = any(part.friction >= 0 for part in new) and not world.walls.rough
+        text = "friction of its own must be there from the start" if rough else "there is no room for so many walls in this simulation"
+        raise after.error("walls", text)
+    wake(world)
+    numbers = np.append(renumber(old, new), -1)
+    rows = world.pairs.second.to_numpy()
+    start = world.pace[None].half * world.half + world.wall_base
+    part = rows[start : start + world.wall_half]
+    part[:] = numbers[np.where((part >= 0) & (part < len(old)), part, len(old))]
+    world.pairs.second.from_numpy(rows)
+    write_walls(world.walls, new, entries)
+    if world.moves:
+        write_parts(world.movers, new)
+    world.pace[None].spent = 1
