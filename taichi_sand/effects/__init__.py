@@ -28,6 +28,7 @@ HOOKS = {
         "normal": "(w, c, p, overlap): normal force of pair p on top of the contact's, also apart (overlap < 0), within `reach` [N]",
         "tangent": "(w, c, p, wall, normal_force, slip, stiffness, dashpot): tangential force on the second grain of pair p [N]",
         "couple": "(w, c, p, normal_force, roll, radius, stiffness, inertia): torque on the second grain of pair p [N m]",
+        "touch": "(w, i, j, normal, wall): grain i touches grain j, or a wall, along the unit vector `normal`",
         "release": "(w, p): pair p does not touch",
         "stored": "(w, c, p, overlap, stiffness): elastic energy that the effect holds in pair p [J]; asked for if some effect has `store`",
         "store": "(w, p, energy): pair p now holds this much elastic energy [J], effects included; returns what it held before",

@@ -17,8 +17,8 @@ normal force exceeds 1e-3 of the mean one; a rattler has fewer than two such con
 Up is against gravity (+y without gravity).
 `floor_force_N`: downward force on the walls that rise less than 80 degrees, friction included; a bed at rest between smooth sides
 gives its weight.
-`heat_J`, `wetness_mean`: only with the effects `heat` and `moisture`: energy that contacts have turned into heat, of the grains present;
-mean wetness, weighted by mass.
+`heat_J`, `wetness_mean`, `momentum_taken_Ns`: only with the effects `heat`, `moisture` and `safe_direction`: energy that contacts have
+turned into heat, of the grains present; mean wetness, weighted by mass; momentum that the rule has taken from them, [x, y].
 `wall_force_N`: sum over all wall contacts of the size of their force.
 Forces are those of the last step. Sums are in f64 on the CPU and CUDA.
 """
@@ -144,23 +144,23 @@ def cost(sim: Any) -> dict[str, Any]:
     }
 
 
-def carried(sim: Any) -> dict[str, float]:
-    """What grains that can move carry for effects: heat [J], and water as their mean wetness, by mass."""
+def carried(sim: Any) -> dict[str, Any]:
+    """What grains carry for effects, summed: heat [J], water as their mean wetness, momentum taken [N s]."""
     w = sim.world
-    names = [name for name in ("temperature", "warmth", "wetness") if hasattr(w.carried, name)]
-    if not names:
+    if not w.carried:
         return {}
-    mass = np.zeros(w.capacity, np.float32)
-    observe.weigh_grains(w, mass)
-    count = sim.count
-    sums = {
-        name: float((getattr(w.carried, name).to_numpy()[:count] * (mass[:count] if name != "warmth" else 1.0)).sum()) for name in names
-    }
-    found = {}
-    if "temperature" in sums:
-        found["heat_J"] = sums["temperature"] * sim.solver.constants[None].heat_capacity + sums["warmth"]
-    if "wetness" in sums:
-        found["wetness_mean"] = sums["wetness"] / max(float(mass[:count].sum()), 1e-30)
+    weights = np.zeros(w.capacity, np.float32)
+    observe.weigh_grains(w, weights)
+    mass = weights[: sim.count].astype(np.float64)
+    columns = {name: column.to_numpy()[: sim.count].astype(np.float64) for name, column in w.carried._asdict().items()}
+    found: dict[str, Any] = {}
+    if "temperature" in columns:
+        heat = mass * columns["temperature"] * sim.solver.constants[None].heat_capacity + columns["warmth"]
+        found["heat_J"] = float(heat.sum())
+    if "wetness" in columns:
+        found["wetness_mean"] = float((mass * columns["wetness"]).sum() / max(mass.sum(), 1e-30))
+    if "taken_x" in columns:
+        found["momentum_taken_Ns"] = [float(columns["taken_x"].sum()), float(columns["taken_y"].sum())]
     return found
 
 

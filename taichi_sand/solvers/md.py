@@ -94,6 +94,19 @@ def turn(w: ti.template(), s: ti.template(), c: ti.template(), i, j, torque, wal
 
 
 @ti.func
+def resist(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, normal_force, slip, stiffness, dashpot, wall: ti.template()):
+    """Tangential force of pair p, which slips by `slip` [m/s]; adds what resists rolling to the loads."""
+    force = 0.0
+    for effect in ti.static(s.effects):
+        if ti.static(hasattr(effect, "tangent")):
+            force += effect.tangent(w, c, p, wall, normal_force, slip, stiffness, dashpot)
+        if ti.static(hasattr(effect, "couple")):
+            roll, radius, inertia = rolling(w, p, i, j, wall)
+            turn(w, s, c, i, j, effect.couple(w, c, p, normal_force, roll, radius, stiffness, inertia), wall)
+    return force
+
+
+@ti.func
 def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
     """Adds the forces of pair p to the loads of its grains."""
     pairs = ti.static(w.pairs)
@@ -117,15 +130,12 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
         force.x = at_least(0.0, stiffness * overlap - dashpot * speed)
         if ti.static(w.turns):
             slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall)
-            for effect in ti.static(s.effects):
-                if ti.static(hasattr(effect, "tangent")):
-                    force.y += effect.tangent(w, c, p, wall, force.x, slip, stiffness, dashpot)
-                if ti.static(hasattr(effect, "couple")):
-                    roll, radius, inertia = rolling(w, p, i, j, wall)
-                    turn(w, s, c, i, j, effect.couple(w, c, p, force.x, roll, radius, stiffness, inertia), wall)
+            force.y = resist(w, s, c, p, i, j, force.x, slip, stiffness, dashpot, wall)
         for effect in ti.static(s.effects):
             if ti.static(hasattr(effect, "normal")):
                 force.x += effect.normal(w, c, p, overlap)
+            if ti.static(hasattr(effect, "touch")):
+                effect.touch(w, i, j, normal, wall)
         load(w, s, c, i, j, force, normal, arm_i, arm_j, lever, wall)
         feel(w, s, c, p, distance, normal, force, wall)
     else:

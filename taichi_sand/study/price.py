@@ -9,7 +9,7 @@ from taichi_sand.scene.schema import Scene
 from taichi_sand.simulation import Simulation
 
 LOOPS = {
-    **dict.fromkeys(("normal", "tangent", "couple", "release", "store"), "pairs"),
+    **dict.fromkeys(("normal", "tangent", "couple", "touch", "release", "store"), "pairs"),
     **dict.fromkeys(("floor", "cone", "spin_cone"), "pairs, twice"),
     "body": "grains",
     "heat": "pairs and grains",
