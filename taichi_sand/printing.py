@@ -26,6 +26,8 @@ GROUPS = {
         "time_s": ("simulated", "s"),
         "grains": ("grains", ""),
         "grains_lost": ("left through open edges", ""),
+        "bonds": ("bonds that hold", ""),
+        "bonds_broken": ("bonds broken", ""),
         "contacts": ("contacts", ""),
         "pairs": ("pairs searched", ""),
         "coordination": ("contacts of a grain", ""),
@@ -107,7 +109,9 @@ def _price(prices: dict[str, tuple[float, float]], key: str) -> str:
 
 
 def _verdict(key: str, report: dict[str, Any]) -> Text:
-    """Whether the measured overlap is what was asked, in a word and a colour."""
+    """Whether the measured overlap is what was asked, in a word and a colour; and who asked for a shorter step than the tolerance."""
+    if key == "step_s" and report["step_set_by"] != "tolerance":
+        return Text(f"  set by the {report['step_set_by']}", "#F2C14E")
     if key != "overlap_p99":
         return Text("")
     good = report[key] <= report["tolerance"]

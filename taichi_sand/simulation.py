@@ -97,10 +97,11 @@ class Simulation(Readings):
         turns = effect_modules.turns(self.effects) or bool(np.any(grains.spin))
         solver = choose(kind)
         extra = solver.MEMORY + sum(columns.values())
-        rooms, structure = (self.room, WALL_ROOM[hand]), effect_modules.structure(self.effects)
+        rooms, structure = (self.room, WALL_ROOM[hand]), effect_modules.structure(self.effects, grains)
         self.world = make_world(scene, grains, extra, turns, self.arch != "cpu", *rooms, **structure)
         device.count_room(self.world.capacity)
-        self.bed = bed_of(grains, scene.gravity, fastest_wall(scene))
+        longest = effect_modules.longest_step(self.effects, self.world)
+        self.bed = replace(bed_of(grains, scene.gravity, fastest_wall(scene)), longest_step=longest)
         self.sizes = np.array([form.size for form in grains.forms] or [1.0])  # by kind: radius of a disc of the same area / radius
         memory = list(self.world.pairs.memory[-extra:]) if extra else []
         own = [memory.pop(0) for _ in range(solver.MEMORY)]
@@ -227,6 +228,7 @@ class Simulation(Readings):
         self._adopt(scene, replace(self.bed, gravity=float(np.hypot(*scene.gravity))), live or {})
 
     def _adopt(self, scene: Scene, bed: Bed, live: dict[str, float]) -> None:
+        bed = replace(bed, longest_step=effect_modules.longest_step(effect_modules.check(scene), self.world))
         numbers = choose(scene.solver.kind).numbers(scene, bed)
         check_speeds(scene, numbers["speed_cap"])
         self.epoch = (self.steps, self.time)

@@ -55,6 +55,7 @@ def world_of(
         inertia=zeros + 4.0,
         kind=np.zeros(n, np.int32) if kind is None else np.array(kind, np.int32),
         fixed=np.isin(np.arange(n), fixed),
+        body=np.full(n, -1, np.int32),
     )
     edge = ["periodic" if around else "wall" for around in periodic]
     edges = {"left": edge[0], "right": edge[0], "bottom": edge[1], "top": edge[1]}

@@ -3,14 +3,16 @@
 A module declares PARAMETERS (scene.parameters.Parameter), SOLVERS (those it fits), and if need be TURNS = True (it can turn grains),
 SLEEPS = True (it lets grains sleep), NEUTRAL (values at which it does nothing), memory(values, solver), how many columns that follow a
 pair it needs, carried(values), names of the columns that follow a grain (w.carried.name) with what a grain starts with, reach(values),
-how far apart grains act on one another, in mean diameters, and misfit(scene), why it does not fit a scene, or "". build(values, columns,
-solver) makes the object whose methods are the hooks. HOOKS is the closed list of them; all but `between` are ti.funcs that the solver
-folds into its own kernels. Their argument w is the world, c the numbers of the solver and the live parameters (`mu` of friction is
-c.friction_mu), p a row of the pair table.
+how far apart grains act on one another, in mean diameters, links(values, grains), which grains of a scene.packing.Pack it ties together,
+(n, 2), longest_step(values, world), up to which it is stable [s], and misfit(scene), why it does not fit a scene, or "".
+build(values, columns, solver) makes the object whose methods are the hooks. HOOKS is the closed list of them; all but `between` are
+ti.funcs that the solver folds into its own kernels. Their argument w is the world, c the numbers of the solver and the live parameters
+(`mu` of friction is c.friction_mu), p a row of the pair table.
 """
 
 import importlib
 import importlib.util
+import math
 import pkgutil
 import re
 import sys
@@ -18,6 +20,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+
+import numpy as np
 
 from taichi_sand.scene.errors import SandError, suggest
 from taichi_sand.scene.moving import moves
@@ -40,6 +44,7 @@ HOOKS = {
     },
     "both": {
         "heat": "(w, i, energy): contacts have turned so much energy of motion into heat of grain i [J]; see world.ledger",
+        "link": "(w, c, k): force of link k, which is whole, on its second grain [N]; w.links.whole[k] = 0 breaks it",
         "body": "(w, c, i): force and torque on grain i in every step, as a wrench [N, N, N m, 0]",
         "between": "(world, solver): Python, between launches, every `interval` seconds of simulated time",
     },
@@ -160,9 +165,19 @@ def carried(tables: Mapping[str, Any]) -> dict[str, float]:
     return found
 
 
-def structure(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """What the world must know of these effects, as keywords of make_world."""
-    return {"sleeps": sleeps(tables), "reach": reach(tables), "carried": carried(tables)}
+def structure(tables: Mapping[str, Any], grains: Any) -> dict[str, Any]:
+    """What the world of the pack `grains` must know of these effects, as keywords of make_world."""
+    tied = [module(name).links(values, grains) for name, values in tables.items() if hasattr(module(name), "links")]
+    found = {"sleeps": sleeps(tables), "reach": reach(tables), "carried": carried(tables)}
+    return found | {"links": np.concatenate(tied) if tied else None}
+
+
+def longest_step(tables: Mapping[str, Any], world: Any) -> float:
+    """Longest step [s] that these effects allow; infinite if they do not care."""
+    return min(
+        (module(name).longest_step(values, world) for name, values in tables.items() if hasattr(module(name), "longest_step")),
+        default=math.inf,
+    )
 
 
 def build(name: str, values: dict[str, Any], memory: Sequence[Any], kind: str) -> Any:

@@ -13,6 +13,7 @@ too make up the inside of the bed (so the surface, the walls and their ordering 
 `coordination`: mean number of bearing contacts of a grain, walls included, over the grains that are no rattlers. A contact bears when its
 normal force exceeds 1e-3 of the mean one; a rattler has fewer than two such contacts (physics.md B3).
 `depth`: of the pile, in grains, that stiffness and step are made for; measured anew as the pile grows.
+`step_set_by`: "tolerance", "scene" (`step` or `substeps`), or "effects", where one, such as bonds, allows no longer step.
 `bed_height_m`: twice the mass-weighted mean height above the lowest point of a grain: the height of a level bed of even density.
 Up is against gravity (+y without gravity).
 `floor_force_N`: downward force on the walls that rise less than 80 degrees, friction included; a bed at rest between smooth sides
@@ -29,6 +30,7 @@ import numpy as np
 import taichi as ti
 
 from taichi_sand.measure import observe
+from taichi_sand.world.links import ends_of
 
 CELLS_ACROSS = 8
 """A bed of n grains gets cells of about sqrt(n) / CELLS_ACROSS diameters, between SMALLEST and LARGEST."""
@@ -164,6 +166,13 @@ def carried(sim: Any) -> dict[str, Any]:
     return found
 
 
+def step_set_by(sim: Any) -> str:
+    """What the step follows from: the keys of the scene, its tolerance, or the effects that allow no longer one."""
+    if sim.scene.solver.step or sim.scene.solver.substeps:
+        return "scene"
+    return "effects" if sim.step == sim.bed.longest_step else "tolerance"
+
+
 def report(sim: Any) -> dict[str, Any]:
     """Every observable of `sim`, a Simulation, as it stands now; the keys are those of design.md section 6."""
     return {
@@ -172,6 +181,7 @@ def report(sim: Any) -> dict[str, Any]:
         "grains": sim.count,
         "grains_lost": int(sim.lost),
         **({"grains_asleep": int(sim.world.naps.state[None].asleep)} if sim.world.sleeps else {}),
+        **({"bonds": len(ends_of(sim.world, 1)), "bonds_broken": len(ends_of(sim.world, 0))} if sim.world.linked else {}),
         "tolerance": float(sim.scene.solver.tolerance),
         "depth": float(sim.bed.depth),
         **contacts(sim),
@@ -179,6 +189,7 @@ def report(sim: Any) -> dict[str, Any]:
         **carried(sim),
         "packing_fraction": packing_fraction(sim),
         "step_s": float(sim.step),
+        "step_set_by": step_set_by(sim),
         **cost(sim),
         "solver": sim.scene.solver.kind,
         "effects": list(sim.effects),

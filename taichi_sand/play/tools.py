@@ -58,7 +58,7 @@ class Brush:
         tables = sim.scene.grains
         self.kind = (self.kind + step) % max(1, len(tables))
         radii = _radii(sim)
-        reach = sim.scene.form(tables[self.kind].shape).reach if tables else 1.0
+        reach = sim.scene.form_of(tables[self.kind]).reach if tables else 1.0
         if tables and tables[self.kind].radius:
             radii = tuple(reach * radius for radius in tables[self.kind].radius)
         elif tables and tables[self.kind].positions:
@@ -84,7 +84,7 @@ class Brush:
     def masses(self, sim: Simulation, radius: np.ndarray, kind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mass [kg] and inertia [kg m2] of grains with these radii [m], of these kinds."""
         densities = np.array([table.density for table in sim.scene.grains] or [DENSITY])[kind]
-        forms = [sim.scene.form(table.shape) for table in sim.scene.grains] or [form("disc", BUILT_IN["disc"])]
+        forms = [sim.scene.form_of(table) for table in sim.scene.grains] or [form("disc", BUILT_IN["disc"])]
         mass = densities * np.array([one.area for one in forms])[kind] * radius**2
         return mass, mass * radius**2 * np.array([one.inertia for one in forms])[kind]
 

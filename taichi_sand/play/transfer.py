@@ -10,11 +10,15 @@ from taichi_sand.scene.checks import foreign
 from taichi_sand.scene.schema import Scene
 from taichi_sand.simulation import Simulation
 from taichi_sand.solvers import choose
+from taichi_sand.world.census import link_lines
 from taichi_sand.world.checkpoint import read_field
+from taichi_sand.world.tables import World
 from taichi_sand.world.wall_scene import change_walls
 
-OVER = ("grains", "carried", "count", "flags", "movers")
+OVER = ("grains", "carried", "links", "count", "flags", "movers")
 """Tables that go over; the others are made for the structure they belong to."""
+SNAP = 0.1
+"""Bonds switched on on the way hold what is as far apart as at the start, to this share."""
 ROWS = ("pairs", "blocks")
 """And these, where both structures list pairs in tables of the same sizes."""
 
@@ -53,8 +57,9 @@ def hand_over(old: Simulation, new: Simulation, moment: Snapshot) -> None:
     rows = [name for name in tables if name.split(".")[2] in ROWS and "memory" not in name]
     same = all(name in targets and targets[name].shape == tables[name].shape for name in rows)
     for name, table in tables.items():
-        known = name in targets or name.split(".")[2] != "carried"  # by effects that only one of the two has
-        if known and (name.split(".")[2] in OVER or (same and name in rows)):
+        part = name.split(".")[2]
+        known = name in targets or part not in ("carried", "links")  # by effects that only one of the two has
+        if known and (part in OVER or (same and name in rows)):
             copy(table, targets[name])
     if same:
         kept = dict(zip(columns_of(old), old.world.pairs.memory, strict=True))
@@ -63,11 +68,23 @@ def hand_over(old: Simulation, new: Simulation, moment: Snapshot) -> None:
     else:
         for counts in (new.world.pairs.row_count, new.world.pairs.wall_row_count):
             counts.fill(0)  # no pair is remembered
+    if new.world.linked and not old.world.linked:
+        let_go(new.world)
     pace = read_field(old.world.pace)
     new.world.pace.from_numpy({key[1:]: value for key, value in pace.items()})
     new.world.grains.wrench.fill(0.0)
     for key in ("steps", "made", "removed", "epoch", "bed", "numbers"):
         setattr(new, key, moment.host[key])
+
+
+def let_go(world: World) -> None:
+    """Breaks the links that would come into being much longer or shorter than they are at rest."""
+    rows, lines = link_lines(world)
+    whole, rest = world.links.whole.to_numpy(), world.links.rest.to_numpy()[rows]
+    length = np.hypot(lines[:, 2] - lines[:, 0], lines[:, 3] - lines[:, 1])
+    whole[:] = 0
+    whole[rows[np.abs(length - rest) < SNAP * rest]] = 1
+    world.links.whole.from_numpy(whole)
 
 
 def copy(source: object, target: object) -> None:

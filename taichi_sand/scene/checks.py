@@ -7,7 +7,7 @@ import numpy as np
 
 from taichi_sand.scene.errors import show, suggest
 from taichi_sand.scene.rows import LENGTHS
-from taichi_sand.scene.shapes import BUILT_IN, joined
+from taichi_sand.scene.shapes import BUILT_IN, joined, overlapping
 
 if TYPE_CHECKING:
     from taichi_sand.scene.schema import Grains, Scene, Shape, Solver, Wall
@@ -151,6 +151,9 @@ def scene(table: "Scene") -> None:
         name = f"grains[{index}]"
         if item.shape not in names:
             raise Wrong(f"{name}.shape", f" = {show(item.shape)} must be one of {', '.join(names)}{suggest(item.shape, names)}")
+        if item.bonded and overlapping(table.discs(item.shape)):
+            text = f' = true cannot be had for shape = "{item.shape}": its discs overlap, and would be pushed apart'
+            raise Wrong(f"{name}.bonded", text)
         if item.positions is not None:
             if table.scale != 1:
                 raise Wrong("scale", f" = {table.scale:g} cannot be had: {name}.positions are exact places")

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from taichi_sand.scene.bodies import taken_apart
 from taichi_sand.scene.nearby import close_pairs, segments
 from taichi_sand.scene.scatter import DENSEST, Taken, scatter
 from taichi_sand.scene.schema import MOST_GRAINS, Grains, Scene
@@ -26,6 +27,7 @@ class Pack:
     inertia: np.ndarray  # (n,) kg m2, of fixed grains too
     kind: np.ndarray  # (n,) int32, which [[grains]] table made it
     fixed: np.ndarray  # (n,) bool
+    body: np.ndarray  # (n,) int32: grains of one kind and number are bonded to one another; -1 = to none
     forms: tuple[Form, ...] = ()  # of each kind; none = all are discs
 
     def __len__(self) -> int:
@@ -75,7 +77,7 @@ def pack(scene: Scene) -> Pack:
     parts = parts or [_pack_table(scene, Grains(radius=1, count=1), 0, np.empty((0, 7)), darts)]
     _check_number(scene, 0, sum(map(len, parts)))
     columns = [name for name in Pack.__dataclass_fields__ if name != "forms"]
-    forms = tuple(scene.form(table.shape) for table in scene.grains)
+    forms = tuple(scene.form_of(table) for table in scene.grains)
     return Pack(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in columns}, forms=forms)
 
 
@@ -110,7 +112,7 @@ def _pack_table(scene: Scene, table: Grains, index: int, rows: np.ndarray, rng: 
     count, form = len(rows), scene.form(table.shape)
     heading, turn = rng.uniform(-np.pi, np.pi, (2, count))
     speed = rng.uniform(*table.speed, count)
-    return Pack(
+    grains = Pack(
         position=rows[:, :2].copy(),
         velocity=rows[:, 3:5] + table.velocity + speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1),
         angle=rows[:, 5] + (turn if table.angle == "random" else float(table.angle)),
@@ -120,7 +122,9 @@ def _pack_table(scene: Scene, table: Grains, index: int, rows: np.ndarray, rng: 
         inertia=inertia(form, rows[:, 2], table.density),
         kind=np.full(count, index, np.int32),
         fixed=np.full(count, table.fixed),
+        body=np.full(count, -1, np.int32),
     )
+    return taken_apart(grains, form, scene.form_of(table), table.density) if table.bonded else grains
 
 
 def _at_rest(places: np.ndarray, radius: np.ndarray) -> np.ndarray:

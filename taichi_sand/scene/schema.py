@@ -131,6 +131,9 @@ class Grains(Table):
     spin: Number = key(0.0, "counter-clockwise, added to that of the row if there is one", "rad/s")
     angle: Angle = key(0.0, 'a number, or "random"; added to that of the row if there is one', "rad")
     fixed: Switch = key(False, "held in place")
+    bonded: Switch = key(
+        False, "[effects.bonds] holds it together: the discs of each shape, then grains of their own, or all discs of the table"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -249,7 +252,15 @@ class Scene(Table):
 
     def form(self, name: str) -> Form:
         """Returns the shape that grains call `name`."""
-        return form(name, next((item.discs for item in self.shapes if item.name == name), None) or BUILT_IN[name])
+        return form(name, self.discs(name))
+
+    def discs(self, name: str) -> tuple[tuple[float, float, float], ...]:
+        """Returns the discs, x, y and radius, of the shape that grains call `name`."""
+        return next((item.discs for item in self.shapes if item.name == name), None) or BUILT_IN[name]
+
+    def form_of(self, table: Grains) -> Form:
+        """Returns the shape of the grains that a table makes: of a bonded one, discs."""
+        return self.form("disc" if table.bonded else table.shape)
 
     def error(self, name: str, text: str) -> SandError:
         """Returns the error "file: key: text" about key `name` of this scene (`solver.step`), to be raised."""

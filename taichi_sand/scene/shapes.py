@@ -120,6 +120,14 @@ def inertia(form: Form, reach: np.ndarray, density: float) -> np.ndarray:
     return mass(form, reach, density) * reach**2 * form.inertia
 
 
+def overlapping(discs: Sequence[Sequence[float]]) -> bool:
+    """Whether any two of the discs overlap by more than rounding does."""
+    rows = np.array(discs, float)
+    first, second = np.triu_indices(len(rows), 1)
+    distance = np.hypot(*(rows[first, :2] - rows[second, :2]).T)
+    return bool((distance < (rows[first, 2] + rows[second, 2]) * (1 - 1e-3)).any())
+
+
 def joined(discs: Sequence[Sequence[float]]) -> bool:
     """Whether the discs hang together: each touches or overlaps another, and all are linked."""
     rows = np.array(discs, float)

@@ -13,6 +13,7 @@ import taichi as ti
 from taichi_sand.world.clumps import head
 from taichi_sand.world.geometry import add, movable, wrench
 from taichi_sand.world.ledger import settle_work
+from taichi_sand.world.links import pull_links
 from taichi_sand.world.motion import check_speed, drift, fastest_spin, with_body
 from taichi_sand.world.movers import place_walls
 from taichi_sand.world.sweep import each_grain, going, sweep
@@ -74,6 +75,7 @@ def symplectic_euler(w: ti.template(), s: ti.template(), c: ti.template(), pair:
     """v += h a(x, v), then x += h v: first order, and no drift of energy."""
     if ti.static(w.moves):
         place_walls(w, 0.0, 0.0)
+    pull_links(w, s, c, going)
     sweep(w, pair, kick_and_drift, s, c, going)
 
 
@@ -114,11 +116,13 @@ def velocity_verlet(w: ti.template(), s: ti.template(), c: ti.template(), pair: 
     c.step = 0.0  # what pairs remember does not advance
     if ti.static(w.moves):
         place_walls(w, 0.0, 0.0)
+    pull_links(w, s, c, starting)
     sweep(w, pair, gather, s, c, starting)
     c.step = h
     each_grain(w, half_kick_and_drift, s, c)
     if ti.static(w.moves):
         place_walls(w, 1.0, 1.0)
+    pull_links(w, s, c, going)
     sweep(w, pair, half_kick, s, c, going)
 
 
@@ -167,6 +171,7 @@ def rk4(w: ti.template(), s: ti.template(), c: ti.template(), pair: ti.template(
             c.step = 0.5 * h * (stage % 2)
             if ti.static(w.moves):
                 place_walls(w, 0.5 * ((stage + 1) // 2), 0.5 * ((stage + 1) // 2))
+            pull_links(w, s, c, going)
             sweep(w, pair, runge_kutta, s, c, going)
     else:
         for stage in ti.static(range(4)):
@@ -174,6 +179,7 @@ def rk4(w: ti.template(), s: ti.template(), c: ti.template(), pair: ti.template(
             c.step = 0.5 * h * (stage % 2)
             if ti.static(w.moves):
                 place_walls(w, 0.5 * ((stage + 1) // 2), 0.5 * ((stage + 1) // 2))
+            pull_links(w, s, c, going)
             sweep(w, pair, runge_kutta, s, c, going)
 
 

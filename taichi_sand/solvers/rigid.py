@@ -18,6 +18,7 @@ from taichi_sand.solvers.tolerance import Bed, rigid_numbers
 from taichi_sand.world.clumps import torques, weigh
 from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, motion_of, movable, perp, within, wrench
 from taichi_sand.world.ledger import drive, set_off, settle_work
+from taichi_sand.world.links import pull_links
 from taichi_sand.world.motion import drift, with_body
 from taichi_sand.world.movers import feel, place_walls
 from taichi_sand.world.sweep import each_grain, going, nothing, sweep
@@ -286,6 +287,7 @@ def step(w: ti.template(), s: ti.template()):
     c = s.constants[None]
     if ti.static(w.moves):
         place_walls(w, 0.0, 0.5)
+    pull_links(w, s, c, going)
     each_grain(w, kick, s, c)
     collide_all(w, s, c)
     sweep(w, (solve,), move, s, c, going)
@@ -296,7 +298,7 @@ def step(w: ti.template(), s: ti.template()):
 
 def numbers(scene: Any, bed: Bed) -> dict[str, float]:
     """Numbers of `constants_type`, and the speed cap [m/s]."""
-    return rigid_numbers(scene.solver, bed)
+    return rigid_numbers(scene, bed)
 
 
 def build(scene: Any, values: dict[str, float], live: dict[str, float], own: list, effects: tuple, world: World) -> Rigid:

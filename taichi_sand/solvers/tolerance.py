@@ -51,6 +51,7 @@ class Bed:
     depth: float  # of the pile, in grains
     gravity: float  # [m/s2]
     speed: float  # fastest grain at the start, or wall [m/s]
+    longest_step: float = math.inf  # that the effects allow [s]
 
 
 def bed_of(pack: Pack, gravity: tuple[float, float], wall_speed: float = 0.0) -> Bed:
@@ -147,13 +148,14 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     ratio = k_d / (2 * math.sqrt(beta * stiffness * reduced))
     contact_time = math.pi * math.sqrt(reduced / (beta * stiffness))
     limit = STEP_LIMIT * contact_time * (math.sqrt(1 + ratio**2) - ratio)
-    step = solver.step or min(contact_time / CONTACT_STEPS, limit)
+    step = solver.step or min(contact_time / CONTACT_STEPS, limit, bed.longest_step)
     if step > limit:
         raise scene.error(
             "solver.step",
             f"{step:g} s is beyond the stability limit of {limit:.3g} s for these contacts; "
             "take a smaller step, a larger tolerance or a softer contact",
         )
+    _check_step(scene, "step", step, bed)
     cap = 0.5 * bed.diameter * math.pi / contact_time
     return {
         "step": step,
@@ -165,14 +167,25 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     }
 
 
-def rigid_numbers(solver: Any, bed: Bed) -> dict[str, float]:
-    """Numbers of solvers.rigid.constants_type, and the speed cap [m/s]."""
+def _check_step(scene: Any, key: str, step: float, bed: Bed) -> None:
+    if step > bed.longest_step * (1 + 1e-6):
+        raise scene.error(
+            f"solver.{key}",
+            f"a step of {step:g} s is beyond what the effects of this scene allow, {bed.longest_step:.3g} s; leave it out, or take "
+            "a smaller one",
+        )
+
+
+def rigid_numbers(scene: Any, bed: Bed) -> dict[str, float]:
+    """Numbers of solvers.rigid.constants_type, and the speed cap [m/s]. SandError if the scene asks for an unstable step."""
+    solver = scene.solver
     weight = max(RIGID_LOAD * bed.depth * bed.gravity, 1e-12)
     flight = math.sqrt(solver.tolerance) * bed.diameter / max(bed.speed, 1e-12)
-    step = min(SAG * math.sqrt(solver.tolerance * bed.diameter / weight), flight, LONGEST_STEP)
+    step = min(SAG * math.sqrt(solver.tolerance * bed.diameter / weight), flight, LONGEST_STEP, bed.longest_step)
     if solver.substeps:
         step = 1 / (60 * solver.substeps)
     step = solver.step or step
+    _check_step(scene, "substeps" if solver.substeps else "step", step, bed)
     hertz = solver.hertz or SOFT_HERTZ / step
     omega = 2 * math.pi * hertz
     a1 = 2 * SOFT_DAMPING + step * omega

@@ -11,6 +11,7 @@ from taichi_sand.simulation import Simulation
 LOOPS = {
     **dict.fromkeys(("normal", "tangent", "couple", "touch", "release", "store"), "pairs"),
     **dict.fromkeys(("floor", "cone", "spin_cone"), "pairs, twice"),
+    "link": "links",
     "body": "grains",
     "heat": "pairs and grains",
 }
@@ -50,6 +51,8 @@ def inventory(sim: Simulation) -> list[dict[str, Any]]:
         size += sum(bytes_of(getattr(sim.world.carried, column)) for column in effects.carried({name: values}))
         if effects.sleeps([name]):
             size += sleep_bytes(sim.world)
+        if "link" in hooks and sim.world.linked:
+            size += sum(map(bytes_of, sim.world.links))
         rows.append({"name": name, "on": True, "bytes": size, "hooks": hooks, "loops": loops, "live": live})
     return rows
 

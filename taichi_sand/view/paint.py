@@ -8,6 +8,7 @@ import numpy as np
 from taichi_sand.scene.errors import SandError
 from taichi_sand.view import kernels, palette
 from taichi_sand.view.views import KIND, PERCENTILE, VIEWS, Range, check_view, quantile
+from taichi_sand.world.census import link_lines
 from taichi_sand.world.tables import PAIRS_PER_GRAIN, World
 
 REFERENCE_WIDTH = 720
@@ -21,6 +22,8 @@ MOST_HEIGHT = 16384
 """More [px] no encoder takes."""
 SPOKED = (KIND, "rotation")
 """Views in which a spoke shows how a grain is turned; in the others it would be in the way."""
+BOND_WIDTH = 0.12
+"""Of a bar that shows a bond, in mean diameters."""
 LINES_PER_GRAIN = 6
 """Room for force lines: contacts that push, per grain slot."""
 
@@ -131,10 +134,13 @@ class Painter:
         self._colour(time)
         world, size = self.world, (self.width, self.height)
         kernels.place_discs(world, self.scale, *size, self._discs, self._owner, self._bands)
-        spokes = self.color in SPOKED and not self.force_chains
+        bars = self.color == KIND and not self.force_chains and world.linked  # they show how a body is turned
+        spokes = self.color in SPOKED and not self.force_chains and not bars
         kernels.paint_discs(canvas, *size, self._discs, self._owner, self._bands, self._colours, spokes)
         if self.force_chains:
             self._paint_chains(canvas, time)
+        elif bars:
+            self._paint_bonds(canvas)
         self._paint_walls(canvas)
         return canvas
 
@@ -166,6 +172,16 @@ class Painter:
             canvas, self.width, self.height, self._lines[upwards], thickness.astype(np.float32), self._chain_map[level[upwards]]
         )
         self.legend = Legend("contact force", "N", top, self._chain_map)
+
+    def _paint_bonds(self, canvas: np.ndarray) -> None:
+        """Bonds that hold, as bars between centres."""
+        ends = link_lines(self.world)[1] * self.scale
+        ends[:, 1::2] = self.height - ends[:, 1::2]
+        thickness = max(1.0, BOND_WIDTH * float(self.world.box[None].diameter) * self.scale)
+        colours = np.full(len(ends), palette.packed(palette.BOND), np.uint32)
+        if len(ends):
+            widths = np.full(len(ends), thickness, np.float32)
+            kernels.paint_lines(canvas, self.width, self.height, ends.astype(np.float32), widths, colours)
 
     def _paint_walls(self, canvas: np.ndarray) -> None:
         """Walls and walled edges."""

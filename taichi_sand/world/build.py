@@ -13,6 +13,7 @@ from taichi_sand.world import flags
 from taichi_sand.world.carried import allocate_carried
 from taichi_sand.world.clumps import build_shapes
 from taichi_sand.world.grid import allocate_grid
+from taichi_sand.world.links import build_links
 from taichi_sand.world.naps import allocate_naps
 from taichi_sand.world.pairs import LEAST_SKIN, LEAST_SLACK, MOST_REACH, MOST_SKIN, MOST_SLACK
 from taichi_sand.world.tables import (
@@ -69,6 +70,12 @@ def mean_weight(scene: Any, pack: Pack) -> float:
     return (math.hypot(*scene.gravity) or EARTH) * (float(free.mean()) if len(free) else 0.0)
 
 
+def box_numbers(scene: Any, pack: Pack, largest: float, diameter: float, reach: float) -> dict[str, Any]:
+    """What of the box has nothing to do with lattice and cells; `reach` in diameters."""
+    grains = {"diameter": diameter, "largest": largest, "bridge": reach * diameter, "weight": mean_weight(scene, pack)}
+    return {"size": scene.size, "gravity": scene.gravity, **grains}
+
+
 def most_discs(pack: Pack) -> int:
     """Discs of the grain that has most."""
     return max((len(form.discs) for form in pack.forms), default=1)
@@ -91,10 +98,12 @@ def make_world(
     sleeps: bool = False,
     reach: float = 0.0,
     carried: Mapping[str, float] = MappingProxyType({}),
+    links: np.ndarray | None = None,
 ) -> World:
     """World of `scene` with room for the grains of `pack` and `room` more, and for `wall_room` entries of walls.
 
-    `extra` columns of the pair table follow a pair; `carried` names the columns that follow a grain, and what a grain starts with.
+    `extra` columns of the pair table follow a pair; `carried` names the columns that follow a grain, and what a grain starts with;
+    effects act on grains up to `reach` [d] apart, and tie the grains `links` (n, 2) together.
     """
     real = ti.f64 if scene.solver.precision == 64 else ti.f32
     count, capacity = len(pack.radius), round_up(len(pack.radius) + room + 1)
@@ -131,15 +140,15 @@ def make_world(
         clumps=pack.clumps,
         shapes=build_shapes(pack.forms, real) if pack.clumps else None,
         carried=allocate_carried(real, capacity, carried),
+        linked=links is not None and len(links) > 0,
+        links=build_links(links, pack, real),
         rows=rows,
         wall_rows=wall_rows,
         layout=layout,
         lanes=lanes,
         real=real,
     )
-    numbers = {"spacing": spacing, "sites": sites, "diameter": diameter, "largest": largest, "least_cell": least_cell}
-    more = {"bridge": reach * diameter, "weight": mean_weight(scene, pack), "gravity": scene.gravity}
-    world.box[None] = {"size": scene.size, **numbers, **more}
+    world.box[None] = {"spacing": spacing, "sites": sites, "least_cell": least_cell, **box_numbers(scene, pack, largest, diameter, reach)}
     return world
 
 

@@ -85,6 +85,26 @@ def places(world: World) -> tuple[np.ndarray, np.ndarray]:
     return numbers, whole[:count]
 
 
+def link_lines(world: World) -> tuple[np.ndarray, np.ndarray]:
+    """The links that hold: their numbers (n,), and where they run, x, y of one end, x, y of the other [m], (n, 4).
+
+    Over a periodic edge the second end lies outside the box, where the first one sees it.
+    """
+    if not world.linked:
+        return np.empty(0, int), np.empty((0, 4))
+    numbers, whole = places(world)
+    ends = world.links.ends.to_numpy()
+    slot = np.full(max(int(whole[:, 0].max(initial=0)), int(ends.max())) + 1, -1)
+    slot[whole[:, 0]] = np.arange(len(whole))
+    rows = np.flatnonzero((world.links.whole.to_numpy() == 1) & (slot[ends] >= 0).all(axis=1))
+    first, second = numbers[slot[ends[rows, 0]], :2], numbers[slot[ends[rows, 1]], :2]
+    for axis, wraps in enumerate(world.periodic):
+        if wraps:
+            side = float(world.box[None].size[axis])
+            second[:, axis] -= side * np.round((second[:, axis] - first[:, axis]) / side)
+    return rows, np.concatenate([first, second], axis=1)
+
+
 def room(world: World) -> int:
     """Grains that can still be added; the last slot stays empty."""
     return world.capacity - 1 - world.count[None]

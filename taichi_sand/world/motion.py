@@ -5,6 +5,7 @@ import taichi as ti
 from taichi_sand.world.clumps import head, off_arc, span
 from taichi_sand.world.flags import NOT_FINITE, TOO_FAST, flag
 from taichi_sand.world.geometry import add, at_least, spin, velocity
+from taichi_sand.world.links import pull_of
 from taichi_sand.world.movers import close_walls
 
 FASTEST_SURFACE = 4.0
@@ -42,8 +43,10 @@ def fastest_spin(w: ti.template()):
 
 @ti.func
 def with_body(w: ti.template(), s: ti.template(), c: ti.template(), i, load, time: ti.template()):
-    """`load` on grain i and what the effects add to it as a body force (x, y, torque, 0) [N, N, N m], times `time`."""
+    """`load` on grain i and what the effects add to it as a body force (x, y, torque, 0) [N, N, N m], or by links, times `time`."""
     total = load
+    if ti.static(w.linked):
+        total += time * pull_of(w, i)
     for effect in ti.static(s.effects):
         if ti.static(hasattr(effect, "body")):
             total += time * effect.body(w, c, i)

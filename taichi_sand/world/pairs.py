@@ -10,6 +10,7 @@ from taichi_sand.world.clumps import MOST, disc_count, disc_of, turned, weigh
 from taichi_sand.world.flags import PAIRS_FULL, flag
 from taichi_sand.world.geometry import mobility, perp, present, spin, velocity
 from taichi_sand.world.grid import anchor, cell_of, cut_blocks, lay_cells, outside, permute, sort
+from taichi_sand.world.links import find_links
 from taichi_sand.world.memory import carry, remember
 from taichi_sand.world.movers import cast_walls, start_walls
 from taichi_sand.world.naps import call, settle, site_of, translate
@@ -291,6 +292,8 @@ def search(w: ti.template()):
     permute(w, count)
     if ti.static(w.sleeps):
         translate(w)
+    if ti.static(w.linked):
+        find_links(w)
     cut_blocks(w)
     if ti.static(w.layout == "one"):
         list_block(w, 0)

@@ -120,6 +120,8 @@ class World:
     clumps: bool  # whether a grain may be anything but a disc
     shapes: Any  # world.clumps.Shapes, or None without clumps
     carried: tuple  # columns of numbers that grains carry for effects, by name: world.carried
+    linked: bool  # whether an effect ties grains together
+    links: Any  # world.links.Links, or None if none does
     rows: int  # of the pair table, a grain
     wall_rows: int  # and of its part for walls
     layout: str  # of the sweep: "one", "strips" or "cells"
