@@ -26,6 +26,8 @@ GROUPS = {
         "time_s": ("simulated", "s"),
         "grains": ("grains", ""),
         "grains_lost": ("left through open edges", ""),
+        "grains_made": ("made", ""),
+        "grains_removed": ("taken out", ""),
         "bonds": ("bonds that hold", ""),
         "bonds_broken": ("bonds broken", ""),
         "contacts": ("contacts", ""),

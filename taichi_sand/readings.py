@@ -60,7 +60,12 @@ class Readings:
     @property
     def lost(self) -> int:
         """Grains that left through open edges."""
-        return self.made - self.removed - self.count
+        return self.made - self.taken - self.count
+
+    @property
+    def taken(self) -> int:
+        """Grains taken out, by sinks and by hand."""
+        return self.removed + (self.world.flow.sunk[None] if self.world.flows else 0)
 
     def flags(self) -> list[str]:
         """What went wrong so far, a sentence each; empty when all is well."""

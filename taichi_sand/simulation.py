@@ -18,7 +18,7 @@ from taichi_sand.scene.packing import pack
 from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers import choose
 from taichi_sand.solvers.tolerance import Bed, bed_of, depth_of
-from taichi_sand.world import census, checkpoint, device
+from taichi_sand.world import census, checkpoint, device, sources
 from taichi_sand.world import hand as hands
 from taichi_sand.world.build import check_periodic, fill, make_world
 from taichi_sand.world.motion import close_step
@@ -80,10 +80,11 @@ class Simulation(Readings):
             device.start(self, arch, threads, scene.solver.precision)
             self.effects = effect_modules.check(scene)
             grains = pack(scene)
-            check_periodic(scene, grains, effect_modules.reach(self.effects))
+            planned = sources.foreseen(scene, grains)
+            check_periodic(scene, planned, effect_modules.reach(self.effects))
             if hand and not room:
                 self.room = max(LEAST_ROOM, len(grains) // 2)
-            self._lay(grains, hand)
+            self._lay(planned, hand)
             fill(self.world, grains)
             self.made, self.removed = len(grains.radius), 0
             self.steps = 0  # done
@@ -97,7 +98,7 @@ class Simulation(Readings):
         turns = effect_modules.turns(self.effects) or bool(np.any(grains.spin))
         solver = choose(kind)
         extra = solver.MEMORY + sum(columns.values())
-        rooms, structure = (self.room, WALL_ROOM[hand]), effect_modules.structure(self.effects, grains)
+        rooms, structure = (self.room + sources.room_for(scene), WALL_ROOM[hand]), effect_modules.structure(self.effects, grains)
         self.world = make_world(scene, grains, extra, turns, self.arch != "cpu", *rooms, **structure)
         device.count_room(self.world.capacity)
         longest = effect_modules.longest_step(self.effects, self.world)
@@ -150,19 +151,28 @@ class Simulation(Readings):
             wake(self.world)
             self._renew_solver()
         end = self.steps + count
-        pauses = [(effect, max(1, math.floor(effect.interval / self.step))) for effect in self.pausing]
+        pauses = [(effect.between, max(1, math.floor(effect.interval / self.step))) for effect in self.pausing]
+        if self.scene.sources:
+            pauses.append((self._pour, max(1, math.floor(sources.INTERVAL / self.step))))
         while self.steps < end:
             part = min([end - self.steps, self._steps_to_look()] + [every - self.steps % every for _, every in pauses])
             with self._stage("march"):
                 self._march(part)
             self.steps += part
-            for effect, every in pauses:
+            for act, every in pauses:
                 if self.steps % every == 0:
                     with self._stage("effects"):
-                        effect.between(self.world, self.solver)
+                        act(self.world, self.solver)
             if self._steps_to_look() == self._look_every():
                 with self._stage("look"):
                     self._look()
+
+    def _pour(self, world: Any, solver: Any) -> None:
+        """The sources make the grains that are due."""
+        made = sources.pour(self.scene, world, self.made, self.time)
+        if made:
+            self.made += made
+            self.renew()
 
     def _look_every(self) -> int:
         return max(1, math.floor(LOOK / self.step))

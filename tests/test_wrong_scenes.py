@@ -54,7 +54,7 @@ SCENES = {  # name: (text of the scene file, what the sentence must hold)
     "unknown grain key": (grains("radius = 0.02\ncuont = 5"), r"grains\[0\]\.cuont .*did you mean `count`"),
     "unknown wall key": (GOOD.replace("[[walls]]", "[[walls]]\nfricton = 0.1"), r"walls\[0\]\.fricton .*did you mean `friction`"),
     "unknown view key": (GOOD + "colour = 'speed'\n", r"view\.colour .*did you mean `color`"),
-    "later key": (GOOD + "[[sources]]\nrate = 3\n", r"sources is not a known key"),
+    "later key": (GOOD + "[[fountains]]\nrate = 3\n", r"fountains is not a known key"),
     "no size": (GOOD.replace("size = [1.0, 1.0]", ""), r"size is missing"),
     "size of one number": (GOOD.replace("size = [1.0, 1.0]", "size = 1.0"), r"size = 1 must be: \[width, height\]"),
     "size of three": (GOOD.replace("size = [1.0, 1.0]", "size = [1, 1, 1]"), r"size = \[1, 1, 1\]"),

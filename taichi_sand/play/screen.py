@@ -55,7 +55,7 @@ class Screen:
         sim, scene = session.sim, session.sim.scene
         if self.painter is None or self.painter.world is not sim.world:
             edges = [getattr(scene.edges, side) == "wall" for side in SIDES]
-            kinds = max(1, len(scene.grains))
+            kinds = max(1, len(scene.grains) + len(scene.sources))
             self.painter = Painter(sim.world, scene.size, self.picture[0], edges=edges, kinds=kinds)
             self.caption = Caption(*self.picture, self.painter.scale)
             self.overlay = Overlay(self.painter)

@@ -83,8 +83,9 @@ class Brush:
 
     def masses(self, sim: Simulation, radius: np.ndarray, kind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mass [kg] and inertia [kg m2] of grains with these radii [m], of these kinds."""
-        densities = np.array([table.density for table in sim.scene.grains] or [DENSITY])[kind]
-        forms = [sim.scene.form_of(table) for table in sim.scene.grains] or [form("disc", BUILT_IN["disc"])]
+        tables = (*sim.scene.grains, *sim.scene.sources)
+        densities = np.array([table.density for table in tables] or [DENSITY])[kind]
+        forms = [sim.scene.form_of(table) for table in tables] or [form("disc", BUILT_IN["disc"])]
         mass = densities * np.array([one.area for one in forms])[kind] * radius**2
         return mass, mass * radius**2 * np.array([one.inertia for one in forms])[kind]
 

@@ -15,7 +15,7 @@ from taichi_sand.world.checkpoint import read_field
 from taichi_sand.world.tables import World
 from taichi_sand.world.wall_scene import change_walls
 
-OVER = ("grains", "carried", "links", "count", "flags", "movers")
+OVER = ("grains", "carried", "links", "count", "flags", "movers", "flow")
 """Tables that go over; the others are made for the structure they belong to."""
 SNAP = 0.1
 """Bonds switched on on the way hold what is as far apart as at the start, to this share."""

@@ -10,7 +10,7 @@ from taichi_sand.scene.rows import LENGTHS
 from taichi_sand.scene.shapes import BUILT_IN, joined, overlapping
 
 if TYPE_CHECKING:
-    from taichi_sand.scene.schema import Grains, Scene, Shape, Solver, Wall
+    from taichi_sand.scene.schema import Grains, Scene, Shape, Solver, Source, Wall
 
 OWNED = {
     "rigid": ("substeps", "hertz"),
@@ -76,8 +76,20 @@ def grains(table: "Grains") -> None:
     for name in ("pitch", "jitter"):
         if name in given and table.fill not in ("lattice", "hexagonal"):
             raise Wrong(name, ' belongs to fill = "lattice" or "hexagonal"')
-    if table.region is not None and not (table.region[0] < table.region[2] and table.region[1] < table.region[3]):
-        raise Wrong("region", f" = {show(table.region)} must be [x0, y0, x1, y1] with x0 < x1 and y0 < y1")
+    if table.region is not None:
+        region(table.region)
+
+
+def region(box: tuple[float, float, float, float]) -> None:
+    """Its corners in order."""
+    if not (box[0] < box[2] and box[1] < box[3]):
+        raise Wrong("region", f" = {show(box)} must be [x0, y0, x1, y1] with x0 < x1 and y0 < y1")
+
+
+def source(table: "Source") -> None:
+    """A radius from low to high, and a region in order."""
+    _ordered("radius", table.radius, SMALLEST)
+    region(table.region)
 
 
 def _rows(table: "Grains") -> None:
@@ -160,6 +172,7 @@ def scene(table: "Scene") -> None:
             _inside(table, f"{name}.positions", np.asarray(item.positions)[:, :2])
         if item.region is not None and _outside(table, np.reshape(item.region, (2, 2))).any():
             raise Wrong(f"{name}.region", f" = {show(item.region)} must lie inside the box, {_box(table)}")
+    _flow(table, names)
     for index, item in enumerate(table.walls):
         _inside(table, f"walls[{index}].points", np.asarray(item.points))
         if item.friction is not None and "friction" not in table.effects:
@@ -167,6 +180,21 @@ def scene(table: "Scene") -> None:
     shown = SHOWS.get(table.view.color)
     if shown and shown not in table.effects:
         raise Wrong("view.color", f' = "{table.view.color}" needs a table [effects.{shown}]')
+
+
+def _flow(table: "Scene", names: list[str]) -> None:
+    """Sources and sinks lie in the box; a source knows its shape, and has room for its largest grain."""
+    for kind in ("sources", "sinks"):
+        for index, item in enumerate(getattr(table, kind)):
+            if _outside(table, np.reshape(item.region, (2, 2))).any():
+                raise Wrong(f"{kind}[{index}].region", f" = {show(item.region)} must lie inside the box, {_box(table)}")
+    for index, item in enumerate(table.sources):
+        name = f"sources[{index}]"
+        if item.shape not in names:
+            raise Wrong(f"{name}.shape", f" = {show(item.shape)} must be one of {', '.join(names)}{suggest(item.shape, names)}")
+        widest = 2 * table.form(item.shape).reach * item.radius[1]
+        if min(item.region[2] - item.region[0], item.region[3] - item.region[1]) < widest:
+            raise Wrong(f"{name}.region", f" = {show(item.region)} is narrower than its largest grain, {widest:g} m")
 
 
 def _box(table: "Scene") -> str:

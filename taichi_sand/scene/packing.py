@@ -25,7 +25,7 @@ class Pack:
     radius: np.ndarray  # (n,) m, of the circle about the centre of mass that holds the grain
     mass: np.ndarray  # (n,) kg, of fixed grains too
     inertia: np.ndarray  # (n,) kg m2, of fixed grains too
-    kind: np.ndarray  # (n,) int32, which [[grains]] table made it
+    kind: np.ndarray  # (n,) int32, which [[grains]] table made it; those of [[sources]] follow them
     fixed: np.ndarray  # (n,) bool
     body: np.ndarray  # (n,) int32: grains of one kind and number are bonded to one another; -1 = to none
     forms: tuple[Form, ...] = ()  # of each kind; none = all are discs
@@ -77,7 +77,7 @@ def pack(scene: Scene) -> Pack:
     parts = parts or [_pack_table(scene, Grains(radius=1, count=1), 0, np.empty((0, 7)), darts)]
     _check_number(scene, 0, sum(map(len, parts)))
     columns = [name for name in Pack.__dataclass_fields__ if name != "forms"]
-    forms = tuple(scene.form_of(table) for table in scene.grains)
+    forms = tuple(scene.form_of(table) for table in (*scene.grains, *scene.sources))
     return Pack(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in columns}, forms=forms)
 
 

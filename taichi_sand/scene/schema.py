@@ -178,6 +178,35 @@ class Wall(Table):
         return self
 
 
+class Source(Table):
+    """Makes grains while the simulation runs, in random places of its region where they overlap nothing."""
+
+    shape: str = key("disc", "disc, 2x1, 3x1, triangle, square, or the name of one of [[shapes]]")
+    radius: Range = key(..., "radius of a disc, of which a shape has several: a number, or [low, high] to draw from uniformly", "m")
+    density: Number = key(2650.0, "mass / area", "kg/m2", ge=1e-6)
+    rate: Number = key(..., "grains made in a second, where there is room for them", "1/s", gt=0, le=1e6)
+    region: Box = key(..., "[x0, y0, x1, y1] that they are made in, as a whole", "m")
+    velocity: Vector = key((0.0, 0.0), "[vx, vy] that they start with", "m/s")
+    angle: Angle = key("random", 'a number, or "random"', "rad")
+    until: Number | None = key(None, "when it ends; never if not given", "s", ge=0)
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        checks.source(self)
+        return self
+
+
+class Sink(Table):
+    """Takes out the grains whose centres are in its region."""
+
+    region: Box = key(..., "[x0, y0, x1, y1]", "m")
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        checks.region(self.region)
+        return self
+
+
 class View(Table):
     """How pictures and films of the scene look."""
 
@@ -213,6 +242,8 @@ class Scene(Table):
     shapes: tuple[Shape, ...] = key((), "shapes of grains, besides those that there are")
     grains: tuple[Grains, ...] = key((), "one table for every kind of grain")
     walls: tuple[Wall, ...] = key((), "line obstacles")
+    sources: tuple[Source, ...] = key((), "make grains while the simulation runs")
+    sinks: tuple[Sink, ...] = key((), "take grains out")
     effects: dict[str, dict[str, Any]] = key({}, "a table present = the effect is on")
     view: View = key(View(), "how pictures look")
     _source: str = PrivateAttr("")
@@ -239,6 +270,10 @@ class Scene(Table):
                 grains["count"] = max(1, round(grains["count"] * self.scale))
             if grains.get("region"):
                 grains["region"] = [length * side for side in grains["region"]]
+        for table in (*data.get("sources", ()), *data.get("sinks", ())):
+            table["region"] = [length * side for side in table["region"]]
+            if table.get("rate"):
+                table["rate"] = min(1e6, table["rate"] * self.scale)
         for wall in data.get("walls", ()):
             wall["points"] = [[length * x, length * y] for x, y in wall["points"]]
             if wall.get("pivot"):
@@ -258,9 +293,9 @@ class Scene(Table):
         """Returns the discs, x, y and radius, of the shape that grains call `name`."""
         return next((item.discs for item in self.shapes if item.name == name), None) or BUILT_IN[name]
 
-    def form_of(self, table: Grains) -> Form:
+    def form_of(self, table: Grains | Source) -> Form:
         """Returns the shape of the grains that a table makes: of a bonded one, discs."""
-        return self.form("disc" if table.bonded else table.shape)
+        return self.form("disc" if isinstance(table, Grains) and table.bonded else table.shape)
 
     def error(self, name: str, text: str) -> SandError:
         """Returns the error "file: key: text" about key `name` of this scene (`solver.step`), to be raised."""
@@ -286,4 +321,5 @@ class Scene(Table):
 
 
 def _tables() -> dict[str, type[BaseModel]]:
-    return {"": Scene, "edges": Edges, "solver": Solver, "shapes": Shape, "grains": Grains, "walls": Wall, "shake": Shake, "view": View}
+    kinds = {"solver": Solver, "shapes": Shape, "grains": Grains, "walls": Wall, "shake": Shake, "sources": Source, "sinks": Sink}
+    return {"": Scene, "edges": Edges, "view": View, **kinds}

@@ -24,7 +24,7 @@ ALLOWED = {
     "dict_type": "must be a table with keys of its own",
     "string_pattern_mismatch": 'must be a colour like "#2B5DA8"',
 }
-LISTS = ("shapes", "grains", "walls")
+LISTS = ("shapes", "grains", "walls", "sources", "sinks")
 LIMITS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
 
 

@@ -41,7 +41,7 @@ def painter_of(sim: "Simulation") -> Painter:
             cold=view.cold,
             hot=view.hot,
             edges=[getattr(scene.edges, side) == "wall" for side in SIDES],
-            kinds=max(1, len(scene.grains)),
+            kinds=max(1, len(scene.grains) + len(scene.sources)),
         )
     return painter
 

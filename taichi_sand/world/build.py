@@ -16,6 +16,7 @@ from taichi_sand.world.grid import allocate_grid
 from taichi_sand.world.links import build_links
 from taichi_sand.world.naps import allocate_naps
 from taichi_sand.world.pairs import LEAST_SKIN, LEAST_SLACK, MOST_REACH, MOST_SKIN, MOST_SLACK
+from taichi_sand.world.sinks import build_flow
 from taichi_sand.world.tables import (
     LANES,
     PAIRS_PER_GRAIN,
@@ -123,7 +124,7 @@ def make_world(
         blocks=allocate_blocks(blocks + sleeps, lanes),
         grid=allocate_grid(real, capacity, cells),
         **lay_walls(scene, pack, spacing, sites, largest / 2 + (MOST_REACH + reach) * diameter, wall_room, gpu, real),
-        moves=moves,
+        **build_flow(scene, real),
         pace=pace_type(real).field(shape=()),
         flags=flags.allocate(),
         count=ti.field(ti.i32, ()),

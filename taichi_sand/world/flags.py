@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-NOT_FINITE, TOO_FAST, ESCAPED, PAIRS_FULL, WALL_PAIRS_FULL, WALL_WAITS = range(6)
+NOT_FINITE, TOO_FAST, ESCAPED, PAIRS_FULL, WALL_PAIRS_FULL, WALL_WAITS, SOURCE_FULL = range(7)
 NONE = 2**31 - 1
 
 SENTENCES = {
@@ -20,6 +20,8 @@ SENTENCES = {
     "Too many walls lie close together.",
     WALL_WAITS: "{count} steps long a moving wall waited, first at {time:.4g} s: grains were jammed in its way. Give it a `force` "
     "that it pushes with at most, or less speed.",
+    SOURCE_FULL: "{count} times a source found the table of grains full, first at {time:.4g} s, and made none: there is room for what the "
+    "sources make within the scene's `duration`. A longer one gives more.",
 }
 
 
@@ -41,6 +43,13 @@ def flag(w: ti.template(), kind: ti.template(), grain_id):
     ti.atomic_add(w.flags[kind, 0], 1)
     ti.atomic_min(w.flags[kind, 1], w.pace[None].done)
     ti.atomic_min(w.flags[kind, 2], grain_id)
+
+
+def raise_flag(world: Any, kind: int, number: int) -> None:
+    """The same from the host, between launches."""
+    rows = world.flags.to_numpy()
+    rows[kind] = rows[kind, 0] + 1, min(rows[kind, 1], world.pace[None].done), min(rows[kind, 2], number)
+    world.flags.from_numpy(rows)
 
 
 def sentences(flags: Any, step: float, cap: float) -> list[str]:

@@ -11,6 +11,7 @@ from taichi_sand.world.carried import sort_along
 from taichi_sand.world.clumps import head
 from taichi_sand.world.flags import ESCAPED, flag
 from taichi_sand.world.geometry import position, present, velocity
+from taichi_sand.world.sinks import drain
 from taichi_sand.world.tables import STRIPS
 
 
@@ -66,10 +67,15 @@ def anchor(w: ti.template(), i):
 
 @ti.func
 def outside(w: ti.template(), i):
-    """1 if grain i has wholly left through an open edge, or was taken out; one found behind a closed edge is put back and flagged."""
+    """1 if grain i has wholly left through an open edge, is in a sink, or was taken out.
+
+    One found behind a closed edge is put back and flagged.
+    """
     g = ti.static(w.grains)
     box = w.box[None]
     p, r = position(w, i), g.radius[i]
+    if ti.static(w.flows):
+        drain(w, i, p)
     left = ti.cast(g.id[i] < 0, ti.i32)
     for k in ti.static(range(2)):
         if ti.static(not w.periodic[k]):

@@ -43,6 +43,8 @@ def foresee(w: ti.template()):
         anchor(w, i)
         low = ti.min(low, velocity(w, i))
         high = ti.max(high, velocity(w, i))
+    if present(w) == 0:
+        low, high = ti.Vector([0.0, 0.0]), ti.Vector([0.0, 0.0])
     pace = w.pace[None]
     approach = (high - low).norm() * pace.step
     d = box.diameter

@@ -45,7 +45,7 @@ class Grains(NamedTuple):
     wrench: Any  # contact force x, y and torque of this step [N, N, N m] (md), or the contact impulses to start the next step with
     #              [N s, N s, N m s] (rigid), 0: a 4-vector
     id: Any  # index of the grain in the order in which they were made, i32 scalar; below 0 = the next search drops it
-    kind: Any  # which [[grains]] table made it, i32 scalar
+    kind: Any  # which [[grains]] table made it, or after them which of the [[sources]], i32 scalar
     heading: Any  # clumps only: cosine and sine of angle + turn
     start_spin: Any  # clumps only: spin at the last search [rad/s], scalar
 
@@ -104,6 +104,8 @@ class World:
     walls: Any  # world.walls.Walls
     movers: Any  # world.movers.Movers, or None if no wall moves
     moves: bool  # whether a wall does
+    flow: Any  # world.sinks.Flow, or None if grains neither come nor go
+    flows: bool  # whether they do
     pace: Any  # 0-D world.tables.Pace: what the search allows the march
     flags: Any  # world.flags: what went wrong
     count: Any  # 0-D i32: grains present, slots 0 .. count-1

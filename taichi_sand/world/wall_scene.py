@@ -78,10 +78,11 @@ def lay_walls(
     gpu: bool,
     real: Any,
 ) -> dict[str, Any]:
-    """The tables of still and moving walls, felt up to `reach` [m] from a centre, with room for `room` entries of still ones."""
+    """Tables of still and moving walls, felt up to `reach` [m] from a centre, with room for `room` entries of still ones."""
     parts = wall_parts(scene)
     walls = build_walls(parts, spacing, sites, reach, real, room)
-    return {"walls": walls, "movers": build_movers(scene, parts, walls, sites, pack, gpu, real)}
+    movers = build_movers(scene, parts, walls, sites, pack, gpu, real)
+    return {"walls": walls, "movers": movers, "moves": movers is not None}
 
 
 def build_movers(scene: Any, parts: list[Part], walls: Any, sites: tuple[int, int], pack: Pack, gpu: bool, real: Any) -> Movers | None:
