@@ -159,6 +159,65 @@ def test_strips_sleep_to_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     assert ends[0] == ends[1]
 
 
+@pytest.mark.parametrize("kind", ["md", "rigid"])
+def test_clumps_sleep_and_wake(kind: str) -> None:
+    """A heap of triangles falls asleep and does not move a bit; woken by hand every contact is as it was; a falling disc wakes some."""
+    fresh_taichi()
+    heap = {
+        "shape": "triangle",
+        "radius": 0.5 * RADIUS,
+        "density": DENSITY,
+        "count": 40,
+        "region": [0.0, 0.0, 0.2, 0.25],
+        "angle": "random",
+    }
+    ball = {"positions": [[0.1, 0.4]], "radius": 0.012, "density": DENSITY, "velocity": [0.0, 4.0]}  # is back after 0.89 s
+    effects = {"friction": {"mu": 0.5}, "sleeping": QUICK}
+    scene = sand.Scene(size=[0.2, 2.0], grains=[heap, ball], solver={"kind": kind}, effects=effects, seed=3)
+    sim = sand.Simulation(scene, threads=1)
+    sim.advance(0.7)
+    assert asleep(sim) == 40
+    resting, here = sim.report(), sim.positions[:40]
+    sim.renew()
+    woken = sim.report()
+    assert woken["grains_asleep"] == 0
+    for key in ("contacts", "overlap_mean", "overlap_max", "floor_force_N", "coordination"):
+        assert woken[key] == pytest.approx(resting[key], rel=1e-6), key
+    sim.advance(0.15)
+    assert asleep(sim) == 40
+    assert np.abs(sim.positions[:40] - here).max() < 0.03 * D  # QUICK sleepers had not come to rest
+    here = sim.positions[:40]
+    sim.advance(0.01)
+    assert (sim.positions[:40] == here).all()
+    fewest = 40
+    for _ in range(8):
+        sim.advance(1 / 60)
+        fewest = min(fewest, asleep(sim))
+    assert fewest < 40
+    assert np.abs(sim.positions[:40] - here).max() > 1e-6 * D
+
+
+@pytest.mark.parametrize("kind", ["md", "rigid"])
+def test_a_moving_wall_wakes(kind: str) -> None:
+    """A lid comes down onto a sleeping bed: who it is about to touch wakes before it does, and nobody sleeps under it."""
+    fresh_taichi()
+    bed = {"radius": RADIUS, "density": DENSITY, "fill": "hexagonal", "count": 58, "region": [0.0, 0.0, 0.3, 0.3]}
+    top = 2 * RADIUS + 3 * np.sqrt(3) * RADIUS
+    lid = {"points": [[0.0, top + 0.3], [0.3, top + 0.3]], "velocity": [0.0, -0.3]}
+    scene = sand.Scene(
+        size=[0.3, 0.4], grains=[bed], walls=[lid], solver={"kind": kind}, effects={"friction": {"mu": 0.5}, "sleeping": QUICK}
+    )
+    sim = sand.Simulation(scene, threads=1)
+    sim.advance(0.4)
+    assert asleep(sim) == 58
+    here = sim.positions
+    sim.advance(0.57)
+    assert asleep(sim) < 58 and np.abs(sim.positions - here).max() < 0.02 * D
+    assert sim.positions[:, 1].max() + RADIUS < top + 0.3 - 0.3 * sim.time
+    sim.advance(0.2)
+    assert asleep(sim) < 58 and "wall" in sim.flags()[0]  # it waits, jammed
+
+
 def test_off_lays_nothing_by() -> None:
     """Without the effect there is no table of sleep, and the pair table has two parts."""
     sim = bed("rigid", None)

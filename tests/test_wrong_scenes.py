@@ -126,10 +126,11 @@ SCENES = {  # name: (text of the scene file, what the sentence must hold)
     "wall outside": (wall("[[0.0, 0.1], [2.0, 0.1]]"), r"walls\[0\]\.points\[1\] = .*outside the box"),
     "shape name": (GOOD + '[[shapes]]\nname = "disc"\ndiscs = [[0, 0, 1]]\n', r'shapes\[0\]\.name = "disc" is a shape that there is'),
     "shape apart": (GOOD + '[[shapes]]\nname = "two"\ndiscs = [[0, 0, 1], [3, 0, 1]]\n', r"shapes\[0\]\.discs must hang together"),
-    "sleeping clumps": (
-        effect("[effects.sleeping]").replace("radius = 0.02", 'shape = "2x1"\nradius = 0.02'),
-        r"effects\.sleeping: does not fit grains of several discs",
+    "heat and rk4": (
+        effect("[effects.heat]").replace('kind = "rigid"', 'kind = "md"\nintegrator = "rk4"'),
+        r"effects\.heat: does not fit the integrator rk4, only .symplectic_euler.",
     ),
+    "view without effect": (GOOD + 'color = "temperature"\n', r'view\.color = "temperature" needs a table \[effects\.heat\]'),
     "wall friction": (GOOD.replace("[[walls]]", "[[walls]]\nfriction = -0.1"), r"walls\[0\]\.friction = -0.1 must be at least 0"),
     "wall friction alone": (
         effect("").replace("[[walls]]", "[[walls]]\nfriction = 0.1"),

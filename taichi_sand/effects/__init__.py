@@ -24,7 +24,6 @@ from typing import Any
 import numpy as np
 
 from taichi_sand.scene.errors import SandError, suggest
-from taichi_sand.scene.moving import moves
 from taichi_sand.scene.parameters import Parameter, check_table
 
 HOOKS = {
@@ -123,10 +122,6 @@ def check(scene: Any) -> dict[str, dict[str, Any]]:
         wrong = module(name).misfit(scene) if hasattr(module(name), "misfit") else ""
         if wrong:
             raise scene.error(f"effects.{name}", wrong)
-    if sleeps(tables) and any(table.shape != "disc" for table in (*scene.grains, *scene.sources)):
-        raise scene.error("effects.sleeping", "does not fit grains of several discs")
-    if sleeps(tables) and any(moves(wall) for wall in scene.walls):
-        raise scene.error("effects.sleeping", "does not fit walls that move")
     return tables
 
 

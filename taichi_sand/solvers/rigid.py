@@ -15,8 +15,8 @@ import taichi as ti
 
 from taichi_sand.solvers.impulses import arms, cone, give, levers_of, lowest, resist_rolling, slip_by, slip_of, speed_of
 from taichi_sand.solvers.tolerance import Bed, rigid_numbers
-from taichi_sand.world.clumps import torques, weigh
-from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, motion_of, movable, perp, within, wrench
+from taichi_sand.world.clumps import torques
+from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, motion_of, movable, perp, weigh_clumps, within, wrench
 from taichi_sand.world.ledger import drive, set_off, settle_work
 from taichi_sand.world.links import pull_links
 from taichi_sand.world.motion import drift, with_body
@@ -196,7 +196,7 @@ def look(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.templ
     distance, normal = distance_to_second(w, p, i, wall)
     w.pairs.normal[p], w.pairs.gap[p] = normal, distance - w.pairs.contact_distance[p]
     if ti.static(w.clumps):
-        weigh(w, p, i, i if ti.static(wall) else w.pairs.second[p], wall)
+        weigh_clumps(w, p, i, i if ti.static(wall) else w.pairs.second[p], wall)
 
 
 @ti.func

@@ -139,19 +139,3 @@ def torques(w: ti.template(), push, arm_i, arm_j, lever):
         taken += lever.z * push.x
         given += lever.w * push.x
     return taken, given
-
-
-@ti.func
-def weigh(w: ti.template(), p, i, j, wall: ti.template()):
-    """Levers and effective masses of pair p at its present normal."""
-    pairs = ti.static(w.pairs)
-    g = ti.static(w.grains)
-    lever = levers(w, p, i, j, pairs.normal[p], pairs.rims[p].x, pairs.rims[p].y, wall)
-    weight, turning, tilting = g.mobility[i].x, g.mobility[i].z * lever.x**2, g.mobility[i].z * lever.z**2
-    if ti.static(not wall):
-        weight += g.mobility[j].x
-        turning += g.mobility[j].z * lever.y**2
-        tilting += g.mobility[j].z * lever.w**2
-    pairs.levers[p] = lever
-    pairs.mass[p], pairs.mass_t[p] = 1.0 / (weight + tilting + 1e-30), 1.0 / (weight + turning + 1e-30)
-    pairs.root_mass[p] = ti.sqrt(pairs.mass[p])

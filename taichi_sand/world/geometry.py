@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from taichi_sand.world.clumps import turned
+from taichi_sand.world.clumps import levers, turned
 
 
 @ti.func
@@ -214,3 +214,20 @@ def distance_to_second(w: ti.template(), p, i, wall: ti.template()):
         normal = rest * inverse
         distance = square * inverse
     return distance, normal
+
+
+@ti.func
+def weigh_clumps(w: ti.template(), p, i, j, wall: ti.template()):
+    """Levers and effective masses of pair p of clumps at its present normal."""
+    pairs = ti.static(w.pairs)
+    lever = levers(w, p, i, j, pairs.normal[p], pairs.rims[p].x, pairs.rims[p].y, wall)
+    give = mobility(w, i)
+    weight, turning, tilting = give.x, give.z * lever.x**2, give.z * lever.z**2
+    if ti.static(not wall):
+        give = mobility(w, j)
+        weight += give.x
+        turning += give.z * lever.y**2
+        tilting += give.z * lever.w**2
+    pairs.levers[p] = lever
+    pairs.mass[p], pairs.mass_t[p] = 1.0 / (weight + tilting + 1e-30), 1.0 / (weight + turning + 1e-30)
+    pairs.root_mass[p] = ti.sqrt(pairs.mass[p])

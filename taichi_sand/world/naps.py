@@ -103,6 +103,33 @@ def call(w: ti.template(), j):
     w.naps.state[None].due = 1
 
 
+@ti.func
+def shake(w: ti.template()):
+    """No grain falls asleep where a wall that moves may meet it before the next search."""
+    ti.loop_config(serialize=True)
+    for e in range(w.movers.count[None]):
+        if moves_on(w, e):
+            w.naps.restless[w.movers.site[e]] = 1
+
+
+@ti.func
+def call_by_walls(w: ti.template()):
+    """And who sleeps there is to wake."""
+    naps = ti.static(w.naps)
+    if naps.state[None].asleep > 0:
+        for e in range(w.movers.count[None]):
+            site = w.movers.site[e]
+            if moves_on(w, e) and naps.start[site + 1] > naps.start[site]:
+                naps.woken[site] = 1
+                naps.state[None].due = 1
+
+
+@ti.func
+def moves_on(w: ti.template(), e):
+    """Whether the wall of entry e of those that can move does."""
+    return w.movers.rate[w.movers.wall[w.walls.part[w.walls.room + e]]] != 0.0
+
+
 @ti.kernel
 def watch(w: ti.template(), s: ti.template()) -> ti.i32:
     """Looks who is still, and which sleepers are no longer held in balance. Returns 1 if somebody should wake or fall asleep."""

@@ -6,14 +6,14 @@ holds until the horizon is reached or a grain has left its foreseen path by half
 
 import taichi as ti
 
-from taichi_sand.world.clumps import MOST, disc_count, disc_of, turned, weigh
+from taichi_sand.world.clumps import MOST, disc_count, disc_of, turned
 from taichi_sand.world.flags import PAIRS_FULL, flag
-from taichi_sand.world.geometry import mobility, perp, present, spin, velocity
+from taichi_sand.world.geometry import mobility, perp, present, spin, velocity, weigh_clumps
 from taichi_sand.world.grid import anchor, cell_of, cut_blocks, lay_cells, outside, permute, sort
 from taichi_sand.world.links import find_links
 from taichi_sand.world.memory import carry, remember
 from taichi_sand.world.movers import cast_walls, start_walls
-from taichi_sand.world.naps import call, settle, site_of, translate
+from taichi_sand.world.naps import call, call_by_walls, settle, site_of, translate
 from taichi_sand.world.tables import CHUNK, FAR, STRIPS
 from taichi_sand.world.wall_pairs import list_walls
 
@@ -72,6 +72,8 @@ def foresee(w: ti.template()):
         ti.loop_config(serialize=True)
         for _run in range(1):
             cast_walls(w, sight)
+            if ti.static(w.sleeps):
+                call_by_walls(w)
 
 
 @ti.func
@@ -217,8 +219,12 @@ def list_sleepers(w: ti.template(), i, p, last, lanes: ti.template()):
                 row = list_range(w, i, naps.start[site_of(w, x, low.y)], naps.start[top], row, last, lanes)
         for k in range((row - p) // lanes):
             q = p + k * lanes
-            if v.dot(w.pairs.normal[q]) > naps.state[None].impact:
-                if may_meet(w.pairs.reach[q], -v, w.pairs.contact_distance[q], w.pace[None].horizon):
+            apart, motion = w.pairs.reach[q], v
+            if ti.static(w.clumps):
+                apart = w.pairs.normal[q] * (w.pairs.gap[q] + w.pairs.contact_distance[q])
+                motion += spin(w, i) * perp(turned(w, i, w.pairs.arms[q].xy))
+            if motion.dot(w.pairs.normal[q]) > naps.state[None].impact:
+                if may_meet(apart, -motion, w.pairs.contact_distance[q], w.pace[None].horizon):
                     call(w, w.pairs.second[q])
     return row
 
@@ -274,7 +280,7 @@ def list_discs(w: ti.template(), i, j, a, b, reach, weight, row, last, lanes: ti
                 pairs.discs[row] = a * MOST + b
                 pairs.arms[row] = ti.Vector([one.x, one.y, two.x, two.y])
                 pairs.rims[row] = rims
-                weigh(w, row, i, j, False)
+                weigh_clumps(w, row, i, j, False)
             else:
                 turning = mobility(w, i).z * g.radius[i] ** 2 + mobility(w, j).z * g.radius[j] ** 2
                 pairs.mass[row], pairs.mass_t[row] = 1.0 / weight, 1.0 / (weight + turning)

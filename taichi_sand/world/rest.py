@@ -7,7 +7,7 @@ import taichi as ti
 from taichi_sand.world.carried import move_along
 from taichi_sand.world.geometry import perp, position, wall_row
 from taichi_sand.world.grid import permute
-from taichi_sand.world.naps import ASLEEP, home, site_of, sleeper_block
+from taichi_sand.world.naps import ASLEEP, home, shake, site_of, sleeper_block
 from taichi_sand.world.pairs import search_now
 from taichi_sand.world.tables import World
 
@@ -79,6 +79,8 @@ def choose(w: ti.template(), patience):
     for i in range(count):
         if naps.still[i] < patience:
             naps.restless[home(w, i)] = 1
+    if ti.static(w.moves):
+        shake(w)
     ti.loop_config(serialize=True)
     for _run in range(1):
         awake = 0
@@ -152,6 +154,9 @@ def copy_row(w: ti.template(), p, row, first, second):
         column[row] = column[p]
     for column in ti.static(pairs.memory):
         column[row] = column[p]
+    if ti.static(w.clumps):
+        for column in ti.static((pairs.discs, pairs.arms, pairs.rims, pairs.levers)):
+            column[row] = column[p]
 
 
 @ti.func
@@ -159,6 +164,8 @@ def copy_wall_row(w: ti.template(), p, row):
     """Copies what only a pair with a wall has."""
     for column in ti.static((w.pairs.along, w.pairs.bounds, w.pairs.side)):
         column[wall_row(w, row)] = column[wall_row(w, p)]
+    if ti.static(w.moves):
+        w.pairs.hinge[wall_row(w, row)] = w.pairs.hinge[wall_row(w, p)]
 
 
 @ti.func

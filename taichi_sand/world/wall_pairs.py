@@ -2,9 +2,19 @@
 
 import taichi as ti
 
-from taichi_sand.world.clumps import MOST, disc_count, disc_of, turned, weigh
+from taichi_sand.world.clumps import MOST, disc_count, disc_of, turned
 from taichi_sand.world.flags import WALL_PAIRS_FULL, flag
-from taichi_sand.world.geometry import at_least, at_most, distance_to_second, point_velocity, position, spin, velocity, wall_row
+from taichi_sand.world.geometry import (
+    at_least,
+    at_most,
+    distance_to_second,
+    point_velocity,
+    position,
+    spin,
+    velocity,
+    wall_row,
+    weigh_clumps,
+)
 from taichi_sand.world.memory import remember_wall
 
 
@@ -118,4 +128,4 @@ def write_wall_row(w: ti.template(), row, i, a, part, reach, arm, along, bounds,
     distance, normal = distance_to_second(w, row, i, True)
     pairs.normal[row], pairs.gap[row] = normal, distance - pairs.contact_distance[row]
     if ti.static(w.clumps):
-        weigh(w, row, i, i, True)
+        weigh_clumps(w, row, i, i, True)
