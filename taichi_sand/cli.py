@@ -183,7 +183,7 @@ def play(
     scene: SceneName,
     folder: Annotated[Path, typer.Option("--folder", metavar="DIR", help="Where pictures, films and checkpoints are written.")] = Path(),
     report: Annotated[
-        Path | None, typer.Option("--report", metavar="FILE", help="What the window shows, four times a second, as lines of JSON.")
+        Path | None, typer.Option("--report", metavar="FILE", help="What the window shows, ten times a second, as lines of JSON.")
     ] = None,
     record: Annotated[
         Path | None, typer.Option("--record", metavar="FILE", help="Everything that is done, for `render FILE` to do again.")

@@ -19,6 +19,8 @@ RARE = {"m": 0.05, "[": 0.0, "]": 0.0, "Escape": 0.0, "f": 0.1, "p": 0.1}
 """How often a key is pressed, against the others: another solver is compiled, films and pictures fill the disk."""
 NAMES = {" ": "space", ".": "period", ",": "comma", "-": "minus", "=": "equal", "[": "bracketleft", "]": "bracketright"}
 PAGE = 2**20
+LONGEST = 180.0
+"""Time in which the window must have done all that it was told [s]: other effects and solvers are compiled."""
 
 
 def memory(window: Playing) -> float:
@@ -66,7 +68,8 @@ def play(window: Playing, seconds: float, keys: list[str], seed: int = 1) -> dic
         if window.process.poll() is not None:
             raise AssertionError(f"the window closed with {window.process.returncode}: {window.process.stderr.read()}")
         time.sleep(max(0.0, events / PER_SECOND - (time.monotonic() - start)))
-    window.fresh()
+    window.to(0.5, 0.5)
+    window.fresh(LONGEST)
     return {**window.now, "events": events, "grown": memory(window) - first}
 
 

@@ -10,7 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
 import pytest
+from PIL import ImageGrab
 
 import taichi_sand as sand
 
@@ -67,8 +69,7 @@ class Playing:
         self.now: dict[str, Any] = {}
         try:
             self.until(lambda now: now["grains"] >= 0, 120)
-            self.window = self.tool("search", "--sync", "--name", "^taichi_sand").split()[0]
-            self.to(0.5, 0.5)  # keys go to the window under the mouse
+            self.find()
         except BaseException:
             self.__exit__()
             raise
@@ -82,6 +83,11 @@ class Playing:
         self.process.wait()
         self.server.terminate()
         self.server.wait()
+
+    def find(self) -> None:
+        """Looks for the window, which another scene opens anew; keys go to the window under the mouse."""
+        self.window = self.tool("search", "--sync", "--name", "^taichi_sand").split()[-1]
+        self.to(0.5, 0.5)
 
     def tool(self, *words: object) -> str:
         """xdotool."""
@@ -111,11 +117,11 @@ class Playing:
             f"the window never came to what was asked for; it says { ({k: v for k, v in self.now.items() if k != 'controls'}) }"
         )
 
-    def fresh(self) -> dict[str, Any]:
+    def fresh(self, patience: float = PATIENCE) -> dict[str, Any]:
         """A line of the report that was written after this call; the mouse is moved a little, so that a paused window writes one."""
         size = self.file.stat().st_size
         self.tool("mousemove_relative", "--", 1, 0, "mousemove_relative", "--", -1, 0)
-        return self.until(lambda _: self.file.stat().st_size > size)
+        return self.until(lambda _: self.file.stat().st_size > size, patience)
 
     def key(self, *names: str) -> None:
         """Presses keys, as xdotool calls them."""
@@ -149,7 +155,7 @@ class Playing:
 
     def click(self, control: str, share: float = 0.5, drag_to: float | None = None) -> None:
         """Clicks on a control of the panel, at this part of its width; or drags from there."""
-        left, top, width, height = self.now["controls"][control]
+        left, top, width, height = self.fresh()["controls"][control]  # they move when others come and go
         self.tool("mousemove", "--window", self.window, round(left + share * width), round(top + 0.5 * height))
         time.sleep(0.06)
         self.press()
@@ -159,6 +165,25 @@ class Playing:
                 self.tool("mousemove", "--window", self.window, round(left + x * width), round(top + 0.5 * height))
                 time.sleep(0.06)
         self.release()
+
+    def switched(self, key: str) -> dict[str, Any]:
+        """Presses a key that changes how it looks; what the window says when it shows that."""
+        before = self.now["look"], self.now["help"]
+        self.tool("key", key)
+        return self.until(lambda now: (now["look"], now["help"]) != before)
+
+    def settled(self) -> np.ndarray:
+        """What the display shows of a picture that stands still, when all input has come through."""
+        self.fresh()
+        return self.shot()
+
+    def shot(self) -> np.ndarray:
+        """What the display shows of the picture, (height, width, 3) uint8."""
+        left, top, width, height = self.now["picture"]
+        where = dict(line.split("=") for line in self.tool("getwindowgeometry", "--shell", self.window).split())
+        left, top = left + int(where["X"]), top + int(where["Y"])
+        box = (left, top, left + width, top + height)
+        return np.asarray(ImageGrab.grab(box, xdisplay=self.environment["DISPLAY"]).convert("RGB"))
 
     def close(self) -> int:
         """Closes the window as its close button does; the exit status."""

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import monkey
 import numpy as np
 import pytest
 from PIL import Image
@@ -13,6 +14,7 @@ from playing import Playing
 
 import taichi_sand as sand
 from taichi_sand.play.keys import KEYS, table
+from taichi_sand.scene import loading
 
 pytestmark = pytest.mark.xdist_group("window")  # one process: the tests share a window and follow one another
 
@@ -33,6 +35,7 @@ width = 400
 """
 LATTICE, FIXED = 175, (0.5, 0.2 / 0.3)
 D = 0.012
+COLUMNS = ("id", "kind", "site", "offset", "shift", "twist", "radius", "mobility")
 
 
 @pytest.fixture(scope="module")
@@ -46,13 +49,13 @@ def box(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Playing]:
 
 def saved(window: Playing) -> dict[str, np.ndarray]:
     """Grains of a quick save, by id: the file alone is read."""
-    path = window.folder / "box.npz"
+    path = window.folder / f"{window.now['scene']}.npz"
     path.unlink(missing_ok=True)
     window.key("s")
     window.until(lambda now: now["said"].startswith("saved") and path.exists())
     with np.load(path) as file:
         count = int(file[".0.count"])
-        table = {name: file[f".0.grains.{name}"][:count] for name in ("id", "site", "offset", "shift", "twist", "radius", "mobility")}
+        table = {name: file[f".0.grains.{name}"][:count] for name in COLUMNS}
         spacing = file[".0.box:spacing"]
     order = np.argsort(table["id"])
     table = {name: values[order] for name, values in table.items()}
@@ -72,7 +75,7 @@ def test_it_runs_in_real_time_and_stops_and_steps(box: Playing) -> None:
     assert first["scene"] == "box" and first["grains"] == LATTICE + 1 and not first["flags"]
     assert first["window"][0] == 400 + 264
     now = box.until(lambda now: now["real_time"] > 0.9)
-    assert now["frames"] > 30
+    assert now["frames"] > 20
     now = paused(box)
     assert box.fresh()["time"] == now["time"]
     box.key("period")
@@ -96,13 +99,44 @@ def test_time_can_run_slower_and_faster(box: Playing) -> None:
 def test_every_view_key_changes_what_is_shown(box: Playing, key: object) -> None:
     paused(box)
     before = box.fresh()
-    box.key(key.key)
-    after = box.until(lambda now: (now["look"], now["help"]) != (before["look"], before["help"]))
+    after = box.switched(key.key)
     changed = [name for name, value in after["look"].items() if value != before["look"][name]] + ["help"] * after["help"]
     assert changed == [{"v": "color", "h": "help"}.get(key.key, key.arguments[0] if key.arguments else "")]
     if key.key != "v":
-        box.key(key.key)
-        box.until(lambda now: (now["look"], now["help"]) == (before["look"], before["help"]))
+        back = box.switched(key.key)
+        assert (back["look"], back["help"]) == (before["look"], before["help"])
+
+
+def test_every_view_shows_something_else(box: Playing) -> None:
+    """What the display shows of a stirred bed, in all colours, with all that can be drawn over it; and back again."""
+    paused(box, False)
+    box.key("i", "5")
+    box.click("kind")
+    box.stroke((0.3, 0.2), (0.5, 0.25), (0.7, 0.2))
+    paused(box)
+    box.to(0.9, 0.95)
+    box.until(lambda now: now["look"]["color"] == "kind" and not now["look"]["hud"])
+    shots = [box.settled()]
+    while box.switched("v")["look"]["color"] != "kind":
+        shots.append(box.shot())
+    assert len(shots) == 7  # all but those of effects that are off
+    for key in ("c", "x", "a", "g", "i", "h"):
+        box.switched(key)
+        shots.append(box.shot())
+        box.switched(key)
+    assert (box.shot() == shots[0]).all()
+    for number, shot in enumerate(shots):
+        assert not any((shot == other).all() for other in shots[:number]), number
+    box.key("i", "z")
+
+
+def test_the_colours_of_energy_can_be_chosen(box: Playing) -> None:
+    box.click("energy")
+    box.until(lambda now: now["look"]["color"] == "energy" and "cold #1B7A6E" in now["controls"])
+    box.click("cold #1B7A6E")
+    box.until(lambda now: now["look"]["cold"] == "#1B7A6E")
+    assert (box.settled() == (0x1B, 0x7A, 0x6E)).all(axis=2).sum() > 1000  # of a bed at rest
+    box.click("kind")
 
 
 @pytest.mark.parametrize(
@@ -188,6 +222,51 @@ def test_freeze_and_thaw(box: Playing) -> None:
     assert box.until(lambda now: now["undo"] == before["undo"])["hash"] == before["hash"]
 
 
+def test_walls_are_drawn_and_rubbed_out(box: Playing) -> None:
+    """A wall holds grains up, is cut in two by the brush, and takes out what stands in its way; all can be undone."""
+    before = paused(box)
+    box.key("0")
+    box.until(lambda now: now["tool"] == "wall")
+    corners = [(0.2, 0.9), (0.2, 0.75), (0.45, 0.75), (0.45, 0.9)]
+    box.stroke(*corners)
+    drawn = box.until(lambda now: len(now["walls"]) == 1)
+    assert np.array(drawn["walls"][0]) == pytest.approx(0.3 * np.array(corners), abs=1.5 * 0.3 / 400)  # to the pixel
+    box.key("2")
+    box.stroke((0.3, 0.83))
+    made = box.until(lambda now: now["grains"] > drawn["grains"])["grains"] - drawn["grains"]
+    paused(box, False)
+    box.until(lambda now: now["time"] > drawn["time"] + 0.4)
+    paused(box)
+    grains = saved(box)
+    assert (grains["position"][-made:, 1] > 0.225).all()
+    box.key("e")
+    box.stroke((0.325, 0.75))
+    box.until(lambda now: len(now["walls"]) == 2)
+    box.key("0")
+    held = box.fresh()
+    box.stroke((0.1, 0.1), (0.5, 0.1))
+    cut = box.until(lambda now: len(now["walls"]) == 3 and now["grains"] < held["grains"])
+    assert f"{held['grains'] - cut['grains']} grains stood in the way" in cut["said"]
+    box.stroke((0.3, 0.1), button=3)
+    box.until(lambda now: len(now["walls"]) == 4)
+    box.key("z", "z", "z", "z")
+    assert len(box.until(lambda now: now["undo"] == before["undo"] + 1)["walls"]) == 1
+    box.key("z")
+    assert box.until(lambda now: now["undo"] == before["undo"])["hash"] == before["hash"]
+
+
+def test_the_next_kind_of_grain_is_poured(box: Playing) -> None:
+    paused(box)
+    before = box.fresh()
+    box.key("t", "4")
+    box.until(lambda now: now["kind"] == 1)
+    box.stroke((0.2, 0.8))
+    box.until(lambda now: now["grains"] > before["grains"])
+    assert set(saved(box)["kind"][before["grains"] :]) == {1}
+    box.key("t", "z")
+    assert box.until(lambda now: now["undo"] == before["undo"] and now["kind"] == 0)["hash"] == before["hash"]
+
+
 def test_the_right_button_does_the_opposite_and_the_wheel_sizes_the_brush(box: Playing) -> None:
     paused(box)
     box.key("2")
@@ -255,6 +334,25 @@ def test_the_other_solver_takes_over_the_grains(box: Playing) -> None:
     assert box.until(lambda now: now["undo"] == before["undo"])["hash"] == before["hash"]
 
 
+def test_effects_come_and_go_and_sleepers_are_shown(box: Playing) -> None:
+    """With sleeping on the bed falls asleep and is painted fainter; off, it goes on as before."""
+    paused(box, False)
+    before = box.fresh()
+    box.click("sleeping")
+    box.until(lambda now: "sleeping" in now["effects"], 90)
+    box.until(lambda now: now["asleep"] > 0.9 * LATTICE)
+    paused(box)
+    box.to(0.9, 0.95)
+    faint = box.settled()
+    box.key("n")
+    box.until(lambda now: not now["look"]["asleep"])
+    assert box.settled().mean() > 1.05 * faint.mean()
+    box.key("n")
+    box.click("sleeping")
+    after = box.until(lambda now: "sleeping" not in now["effects"])
+    assert after["grains"] == before["grains"] and not after["flags"]
+
+
 def test_save_load_picture_and_film(box: Playing) -> None:
     paused(box)
     before = box.fresh()
@@ -277,16 +375,23 @@ def test_save_load_picture_and_film(box: Playing) -> None:
     assert (box.folder / "box_001.mp4").stat().st_size > 3000
 
 
-def test_reset_and_closing(box: Playing) -> None:
+def test_a_monkey_breaks_nothing(box: Playing) -> None:
+    """A minute of random keys, strokes and sliders, ten a second: finite all along, then the window closes as ever."""
+    paused(box)
+    (box.folder / "so_far.record").write_text((box.folder / "box.record").read_text())
+    paused(box, False)
+    told = monkey.play(box, 60.0, [key.key for key in KEYS])
+    assert told["events"] > 500
+    assert np.isfinite([told["kinetic_energy_J"], told["speed_max_m_s"], told["overlap_max"]]).all()
     box.key("r")
-    box.until(lambda now: now["time"] < 0.5)
+    box.until(lambda now: now["time"] < told["time"] or now["undo"] > told["undo"])
     assert box.close() == 0
     assert box.process.stderr.read() == ""
 
 
 def test_the_recording_of_all_this_is_done_again_bit_for_bit_on_two_threads(box: Playing) -> None:
-    """All of the above, tools, solvers, undoing and loading: `render` fails if a hash of the state differs."""
-    record = box.folder / "box.record"
+    """All before the monkey, tools, solvers, effects, undoing and loading: `render` fails if a hash of the state differs."""
+    record = box.folder / "so_far.record"
     assert record.read_text().count('"hash"') > 20
     done = subprocess.run(
         [sys.executable, "-m", "taichi_sand", "render", str(record), "-o", str(box.folder / "again.mp4"), "--fps", "2", "--threads", "2"],
@@ -294,6 +399,54 @@ def test_the_recording_of_all_this_is_done_again_bit_for_bit_on_two_threads(box:
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert (box.folder / "again.mp4").stat().st_size > 3000
+
+
+@pytest.fixture(scope="module")
+def table_of_balls(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Playing]:
+    """Billiards with all ten at rest."""
+    folder = tmp_path_factory.mktemp("billiards")
+    with Playing(folder, "billiards", "--set", "grains.0.velocity=[0,0]", "--width", "500") as window:
+        yield window
+
+
+def test_dragging_one_disc_of_billiards_moves_them_all(table_of_balls: Playing) -> None:
+    """Momentum grows by what the hand gave, within 1 %; let go, the disc starts the cascade."""
+    window = table_of_balls
+    paused(window)
+    start = saved(window)["position"]
+    assert window.now["speed_max_m_s"] == 0
+    window.key("1")
+    x, y = start[0] / (1.0, 0.6)
+    window.to(x, y)
+    window.press()
+    window.key("space")
+    for k in range(1, 5):
+        window.to(x + 0.03 * k, y + 0.01 * k)
+    now = window.until(lambda now: np.hypot(*now["given"]) > 0.1)
+    given = np.array(now["given"])
+    assert np.hypot(*(given - now["momentum_Ns"])) < 0.01 * np.hypot(*given)
+    for k in range(5, 9):
+        window.to(x + 0.03 * k, y + 0.01 * k)
+    window.release()
+    window.key("equal", "equal")
+    window.until(lambda later: later["time"] > now["time"] + 20)
+    paused(window)
+    moved = np.hypot(*(saved(window)["position"] - start).T)
+    assert (moved > 0.01).all()
+
+
+def test_the_next_scene_and_the_one_before_and_leaving(table_of_balls: Playing) -> None:
+    window, names = table_of_balls, list(loading.bundled())
+    here = names.index("billiards")
+    window.key("bracketright")
+    window.until(lambda now: now["scene"] == names[here + 1], 90)
+    window.find()
+    window.key("bracketleft")
+    now = window.until(lambda now: now["scene"] == "billiards", 90)
+    assert now["grains"] == 10 and now["speed_max_m_s"] > 1  # as the file has it
+    window.find()
+    window.tool("key", "Escape")
+    assert window.process.wait(20) == 0
 
 
 def test_the_readme_has_the_keys() -> None:

@@ -112,6 +112,9 @@ class Controls:
 
     def _slide(self, x: float) -> None:
         knob = self.zone.knob
+        if all(other.key != knob.key for other in self.session.knobs()):
+            self.zone = None  # its effect has been undone under the hand
+            return
         value = knob.value(self.zone.share(x), self.session.opened)
         if value != self.session.value(knob.key):
             self.do("set", knob.key, value)

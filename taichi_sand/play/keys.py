@@ -49,6 +49,8 @@ KEYS = (
     _look("x", "forces", "contact forces as arrows"),
     _look("a", "velocities", "velocities as arrows"),
     _look("g", "grid", "cells of the search"),
+    _look("b", "bonds", "bonds"),
+    _look("n", "asleep", "sleeping grains fainter"),
     _look("i", "hud", "numbers over the picture"),
     Key("h", "this help", "help", (), "views"),
     Key("Escape", "quit", "quit", (), "files"),

@@ -76,19 +76,28 @@ class Overlay:
         level = np.stack([np.zeros_like(y), y, np.full_like(y, p.width), y], axis=1)
         self.lines(canvas, np.concatenate([upright, level]), 1.0, GRID)
 
+    def edged(self, canvas: np.ndarray, points: np.ndarray, width: float, colour: str) -> None:
+        """A line through points [m] (n, 2) with dark edges, so that it can be seen on sand too."""
+        at = self.pixels(points)
+        lines = np.concatenate([at[:-1], at[1:]], axis=1)
+        self.lines(canvas, lines, width + 2.4, palette.GROUND)
+        self.lines(canvas, lines, width, colour)
+
     def brush(self, canvas: np.ndarray, x: float, y: float, radius: float, colour: str = ACCENT) -> None:
         """A circle around (x, y) [m] of this radius [m]."""
         turn = np.linspace(0, 2 * np.pi, RING + 1)
-        ring = self.pixels(np.stack([x + radius * np.cos(turn), y + radius * np.sin(turn)], axis=1))
-        self.lines(canvas, np.concatenate([ring[:-1], ring[1:]], axis=1), 1.4, colour)
+        self.edged(canvas, np.stack([x + radius * np.cos(turn), y + radius * np.sin(turn)], axis=1), 1.4, colour)
+
+    def path(self, canvas: np.ndarray, points: np.ndarray) -> None:
+        """A line through points [m] (n, 2): the wall that is being drawn."""
+        self.edged(canvas, points, 2.0, ACCENT)
 
     def string(self, canvas: np.ndarray, grain: int, x: float, y: float) -> None:
         """From a grain, by its id, to the hand."""
         places, whole = census.places(self.world)
         held = np.flatnonzero(whole[:, 0] == grain)
         if len(held):
-            ends = self.pixels(np.array([places[held[0], :2], [x, y]]))
-            self.lines(canvas, ends.reshape(1, 4), 1.4, TEXT)
+            self.edged(canvas, np.array([places[held[0], :2], [x, y]]), 1.4, TEXT)
 
 
 def arrows(start: np.ndarray, way: np.ndarray) -> np.ndarray:

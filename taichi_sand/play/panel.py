@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_sand import effects
+from taichi_sand.play.hud import wrap
 from taichi_sand.play.knobs import Knob
 from taichi_sand.play.sheet import ACCENT, ATTENTION, DIM, GOOD, GROUND, IDLE, PANEL, TEXT, WRONG, Sheet
 from taichi_sand.play.tools import TOOLS
-from taichi_sand.view.caption import number_text, text_tile
+from taichi_sand.view.caption import number_text, spaced
 from taichi_sand.view.views import views_of
 
 if TYPE_CHECKING:
@@ -20,9 +21,19 @@ WIDTH = 264
 PAD = 14
 HEAD, VALUE = 9, 12
 INNER = WIDTH - 2 * PAD
-BAR, KNOB = 4, 12
-SLIDER_STEP, ROW_STEP, BUTTON_STEP = 28, 17, 26
-SWITCHES = {"chains": "chains", "forces": "forces", "velocities": "velocities", "grid": "grid", "hud": "numbers"}
+BAR, KNOB = 4, 10
+SLIDER_STEP, ROW_STEP, BUTTON_STEP, LINE, HEAD_GAP = 28, 17, 26, 15, 5
+SWITCHES = {
+    "chains": "chains",
+    "forces": "forces",
+    "velocities": "velocities",
+    "grid": "grid",
+    "hud": "numbers",
+    "asleep": "sleepers",
+    "bonds": "bonds",
+}
+SWATCHES = {"cold": ("#2B5DA8", "#4FA3D1", "#1B7A6E", "#5E4BA8", "#343A44"), "hot": ("#F2542D", "#F2C14E", "#E85D9E", "#7BC47F", "#FFFFFF")}
+"""Colours that the ends of the scale of energy can be given, besides those of the scene."""
 
 
 @dataclass(frozen=True)
@@ -120,8 +131,13 @@ class Panel:
     def _tools(self, session: "Session") -> None:
         self._head("TOOLS")
         self._buttons([(name, tool.key, session.tool == name, {"call": ("choose", name)}) for name, tool in TOOLS.items()], 3)
+        tool = TOOLS[session.tool]
+        for line in wrap(tool.help, INNER):
+            self.sheet.text(self.left, self.y, line, 11, DIM)
+            self.y += LINE
+        self.y += 4
         for knob in self.knobs:
-            if knob.group == "tools":
+            if knob.group == "tools" and knob.key[5:] in tool.uses:
                 self._slider(session, knob)
 
     def _views(self, session: "Session") -> None:
@@ -129,13 +145,19 @@ class Panel:
         self._head("VIEW")
         names = views_of(session.sim.world)
         self._buttons([(name, "", look["color"] == name, {"action": ("look", "color", name)}) for name in names], 4)
-        self._buttons([(text, "", look[key], {"action": ("look", key, not look[key])}) for key, text in SWITCHES.items()], 3)
+        if look["color"] == "energy":
+            for end in SWATCHES:
+                self._swatches(session, end)
+        there = {"asleep": session.sim.world.sleeps, "bonds": session.sim.world.linked}
+        switches = [(key, text) for key, text in SWITCHES.items() if there.get(key, True)]
+        self._buttons([(text, "", look[key], {"action": ("look", key, not look[key])}) for key, text in switches], 3)
         self.sheet.text(self.left, self.y, "space pause · z undo · h help", 11, DIM)
         self.y += ROW_STEP
 
     # parts
 
     def _head(self, text: str, note: str = "") -> None:
+        self.y += HEAD_GAP if self.zones else 0
         self.sheet.text(self.left, self.y, text, HEAD, DIM)
         if note:
             self.sheet.text(self.left + INNER, self.y, note, HEAD, ATTENTION if "unphysical" in note else DIM, align=1)
@@ -152,14 +174,26 @@ class Panel:
         shown = f"{number_text(value)} {knob.unit}".rstrip()
         odd = not knob.physical(value)
         self.sheet.text(self.left + INNER, self.y, shown, VALUE, WRONG if odd else DIM, align=1)
-        share, middle = knob.share(value, session.opened), self.y + 20
+        share, middle = knob.share(value, session.opened), self.y + 21
         at = self.left + KNOB / 2 + share * (INNER - KNOB)
         self.sheet.plate(self.left, middle - BAR / 2, INNER, BAR, IDLE, BAR // 2)
         if at - self.left >= BAR:
             self.sheet.plate(self.left, middle - BAR / 2, at - self.left, BAR, WRONG if odd else ACCENT, BAR // 2)
         self.sheet.plate(at - KNOB / 2, middle - KNOB / 2, KNOB, KNOB, TEXT, KNOB // 2)
-        self.zones.append(Zone(self.left, self.y + 11, INNER, 17, knob.label, knob=knob))
+        self.zones.append(Zone(self.left, self.y + 13, INNER, 17, knob.label, knob=knob))
         self.y += SLIDER_STEP
+
+    def _swatches(self, session: "Session", end: str) -> None:
+        """Colours for one end of the scale of energy."""
+        self.sheet.text(self.left, self.y + 3, end, VALUE)
+        own = getattr(session.home.view, end)
+        for number, colour in enumerate(dict.fromkeys((own, *SWATCHES[end]))):
+            x = self.left + 60 + 28 * number
+            if session.look[end] == colour:
+                self.sheet.plate(x - 3, self.y - 1, 26, 22, ACCENT, 5)
+            self.sheet.plate(x, self.y + 2, 20, 16, colour, 3)
+            self.zones.append(Zone(x - 3, self.y - 1, 26, 22, f"{end} {colour}", action=("look", end, colour)))
+        self.y += BUTTON_STEP
 
     def _buttons(self, buttons: Sequence[tuple[str, str, bool, dict]], columns: int) -> None:
         gap = 4
@@ -172,6 +206,6 @@ class Panel:
                 self.sheet.text(x + 7, y + 5, key, 11, colour if active else DIM)
                 self.sheet.text(x + 21, y + 5, text, 11, colour)
             else:
-                self.sheet.text(x + width / 2 - text_tile(text, 11, colour).shape[1] / 2, y + 5, text, 11, colour)
+                self.sheet.text(x + width / 2 - spaced(text, 11)[1] / 2, y + 5, text, 11, colour)
             self.zones.append(Zone(x, y, width, BUTTON_STEP - 4, text, **does))
         self.y += -(-len(buttons) // columns) * BUTTON_STEP + 6

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from taichi_sand.play.files import as_line
 from taichi_sand.play.screen import Screen
-from taichi_sand.play.session import Session, as_line, pack
+from taichi_sand.play.session import Session, pack
 from taichi_sand.play.snapshot import from_bytes
 from taichi_sand.scene.errors import PhysicsError, SandError
 from taichi_sand.scene.schema import Scene

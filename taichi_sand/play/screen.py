@@ -11,7 +11,7 @@ from taichi_sand.play.panel import WIDTH as PANEL_WIDTH
 from taichi_sand.play.panel import Panel
 from taichi_sand.play.sheet import DIM, IDLE, TEXT, Sheet
 from taichi_sand.view import palette
-from taichi_sand.view.caption import Caption
+from taichi_sand.view.caption import Caption, spaced
 from taichi_sand.view.paint import Painter, picture_height
 from taichi_sand.view.picture import SIDES, facts, wall_lines
 from taichi_sand.world.hand import GRAB
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 MOST_WIDTH, MOST_HEIGHT = 1080, 860
 """A picture that nobody gave a width is not larger than this [px], so that the window fits a screen."""
+LEAST_TEXT = 0.92
+"""Size of the caption's text below which it is hard to read on a screen, over that in a picture 720 px wide."""
 LEAST_HEIGHT = 780
 """Height of a window [px] below which the panel would be cramped."""
 
@@ -57,10 +59,11 @@ class Screen:
             edges = [getattr(scene.edges, side) == "wall" for side in SIDES]
             kinds = max(1, len(scene.grains) + len(scene.sources))
             self.painter = Painter(sim.world, scene.size, self.picture[0], edges=edges, kinds=kinds)
-            self.caption = Caption(*self.picture, self.painter.scale)
+            self.caption = Caption(*self.picture, self.painter.scale, LEAST_TEXT)
             self.overlay = Overlay(self.painter)
         painter = self.painter
         painter.color, painter.force_chains, painter.walls = look["color"], look["chains"], wall_lines(sim)
+        painter.sleepers, painter.bonds = look["asleep"], look["bonds"]
         painter.set_energy_colours(look["cold"], look["hot"])
 
     def paint(self, canvas: np.ndarray, measured: dict[str, Any], cursor: tuple[float, float] | None, told: str) -> np.ndarray:
@@ -121,12 +124,15 @@ class Screen:
         active = session.stroke is not None
         self.overlay.brush(part, *cursor, session.brush.size, "#F2A65A" if active else DIM)
         if active:
+            path = [*session.stroke.path, np.array(cursor)]
+            self.overlay.path(part, np.array(path))
             now = session.sim.hand.now[None]
             if now.work == GRAB:
                 self.overlay.string(part, now.grain, *cursor)
         name = session.stroke.tool.name if active else session.tool
         sheet = Sheet()
         at_x, at_y = cursor[0] * self.painter.scale, height - cursor[1] * self.painter.scale
+        sheet.plate(at_x + 9, at_y - 24, spaced(name, 11)[1] + 10, 18, palette.GROUND, 4, 0.72)
         sheet.text(at_x + 14, at_y - 22, name, 11, TEXT)
         sheet.paint(part, width, height)
         rows[:] = part.reshape(height, width)

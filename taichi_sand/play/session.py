@@ -1,22 +1,21 @@
 """A simulation that is being played with.
 
-The only way in is `do(action)`: what a user does is a list of actions between launches. So it can be undone, recorded and done again.
-An action is a list [verb, arguments…] that JSON can hold.
+The only way in is `do(action)`, a list [verb, arguments…] that JSON can hold: so all can be undone, recorded and done again.
 """
 
 import base64
 import gc
 import hashlib
 import json
-import math
 from typing import Any
 
 import numpy as np
 
 from taichi_sand.play import knobs, transfer
+from taichi_sand.play.brush import Brush
 from taichi_sand.play.history import History
 from taichi_sand.play.snapshot import Snapshot, from_bytes, restore, take, to_bytes
-from taichi_sand.play.tools import TOOLS, Brush, Stroke
+from taichi_sand.play.tools import TOOLS, Stroke
 from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.schema import Scene
 from taichi_sand.simulation import Simulation
@@ -25,7 +24,7 @@ from taichi_sand.world import device
 
 MOST_BUILT = 6
 """Structures (solver, effects) that are kept ready; with more, all are dropped, as Taichi frees single ones never."""
-LOOKS = {"color": "kind", "chains": False, "velocities": False, "forces": False, "grid": False, "hud": True, "panel": True}
+LOOKS = {"color": "kind", "chains": False, "velocities": False, "forces": False, "grid": False, "bonds": True, "asleep": True, "hud": True}
 """What may be switched of how it looks, and how it starts."""
 
 
@@ -108,12 +107,13 @@ class Session:
         self.stroke = None
 
     def digest(self) -> str:
-        """Hash of where all grains are and how they move, bit by bit."""
+        """Hash of where all grains are and how they move, bit by bit, and of the walls."""
         total = hashlib.sha256()
         world = self.sim.world
         count = world.count[None]
         for name in ("id", "site", "offset", "shift", "twist", "angle", "turn", "mobility"):
             total.update(np.ascontiguousarray(getattr(world.grains, name).to_numpy()[:count]).tobytes())
+        total.update(json.dumps([wall.model_dump() for wall in self.sim.scene.walls]).encode())
         return total.hexdigest()[:16]
 
     # structures
@@ -245,10 +245,14 @@ def _open_ranges(session: Session, on: bool) -> None:
 
 
 def _choose(session: Session, tool: str) -> None:
-    if session.stroke:
-        session.stroke.end()
-        session.stroke = None
+    _end(session)
     session.tool = tool
+
+
+def _end(session: Session) -> None:
+    stroke, session.stroke = session.stroke, None
+    if stroke:
+        stroke.end()
 
 
 def _stroke(session: Session, phase: str, x: float, y: float, vx: float = 0.0, vy: float = 0.0, other: bool = False) -> None:
@@ -256,12 +260,10 @@ def _stroke(session: Session, phase: str, x: float, y: float, vx: float = 0.0, v
         _mark(session)
         tool = TOOLS[session.tool]
         session.stroke = Stroke(session, TOOLS[tool.inverse] if other and tool.inverse else tool)
-    if session.stroke is None:
-        return
-    session.stroke.move(phase, x, y, vx, vy)
+    if session.stroke:
+        session.stroke.move(phase, x, y, vx, vy)
     if phase == "release":
-        session.stroke.end()
-        session.stroke = None
+        _end(session)
 
 
 def _kind(session: Session, step: int) -> None:
@@ -287,16 +289,3 @@ VERBS = {
     "set": _set, "mark": _mark, "undo": _undo, "redo": _redo, "reset": _reset, "solver": _solver, "effect": _effect, "look": _look,
     "opened": _open_ranges, "choose": _choose, "stroke": _stroke, "kind": _kind, "open": _open, "load": _load,
 }  # fmt: skip
-
-
-def as_line(thing: Any) -> str:
-    """One line of JSON; null for a number that is none."""
-    return json.dumps(_finite(thing), separators=(",", ":"), allow_nan=False)
-
-
-def _finite(thing: Any) -> Any:
-    if isinstance(thing, dict):
-        return {key: _finite(value) for key, value in thing.items()}
-    if isinstance(thing, list | tuple):
-        return [_finite(value) for value in thing]
-    return None if isinstance(thing, float) and not math.isfinite(thing) else thing

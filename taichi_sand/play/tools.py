@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taichi_sand.play.knobs import Knob
+from taichi_sand.play import wall_tools
 from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.nearby import segments
 from taichi_sand.scene.scatter import Taken
-from taichi_sand.scene.shapes import BUILT_IN, form
 from taichi_sand.simulation import Simulation
 from taichi_sand.world import census, hand
 from taichi_sand.world.build import EARTH
@@ -30,77 +29,6 @@ PULL = 4.0
 DARTS, POURED = 120, 4
 """Places tried a frame by `create` and `pour`."""
 POUR_SPEED = 0.5
-DENSITY = 2650.0
-
-
-@dataclass
-class Brush:
-    """What the tools work with; the numbers have sliders."""
-
-    size: float  # radius of the brush [m]
-    low: float  # smallest and largest radius of a grain made [d / 2]
-    high: float
-    spin: float  # largest spin of a grain made, either way [rad/s]
-    strength: float  # of stir, attract and repel
-    grip: float  # largest force of grab, in weights of the grain
-    kind: int = 0  # which [[grains]] table the grains made belong to
-
-    @classmethod
-    def of(cls, sim: Simulation) -> "Brush":
-        """What suits a simulation."""
-        brush = cls(max(2.5 * sim.bed.diameter, 0.03 * min(sim.scene.size)), 1.0, 1.0, 0.0, 1.0, 100.0)
-        free = [number for number, table in enumerate(sim.scene.grains) if not table.fixed]
-        brush.next_kind(sim, free[0] if free else 0)
-        return brush
-
-    def next_kind(self, sim: Simulation, step: int) -> None:
-        """Makes grains as those of the next table, in its sizes."""
-        tables = sim.scene.grains
-        self.kind = (self.kind + step) % max(1, len(tables))
-        radii = _radii(sim)
-        reach = sim.scene.form_of(tables[self.kind]).reach if tables else 1.0
-        if tables and tables[self.kind].radius:
-            radii = tuple(reach * radius for radius in tables[self.kind].radius)
-        elif tables and tables[self.kind].positions:
-            own = [reach * row[2] for row in tables[self.kind].positions if len(row) > 2]
-            radii = (min(own), max(own)) if own else radii
-        unit, (_, most) = 0.5 * sim.bed.diameter, _limits(sim)
-        self.low, self.high = (min(most, radius / unit) for radius in radii)
-
-    def knobs(self, sim: Simulation) -> list[Knob]:
-        """Their sliders."""
-        side = min(sim.scene.size)
-        least, most = _limits(sim)
-        small = 0.5 * sim.bed.diameter
-        return [
-            Knob("tool.size", "brush", "tools", "m", "radius of the brush; the wheel changes it", 0.5 * small, 0.5 * side, log=True),
-            Knob("tool.low", "smallest", "tools", "d", "smallest grain that create and pour make, over the mean diameter", least, most),
-            Knob("tool.high", "largest", "tools", "d", "largest grain that they make", least, most),
-            Knob("tool.spin", "spin", "tools", "rad/s", "grains are made with a random spin up to this, either way", 0.0, 100.0),
-            Knob("tool.strength", "strength", "tools", "x", "of stir, attract and repel", 0.1, 10.0, log=True),
-            Knob("tool.grip", "grip", "tools", "weights", "largest force of grab, in weights of the grain", 1.0, 1000.0, log=True),
-        ]
-
-    def masses(self, sim: Simulation, radius: np.ndarray, kind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mass [kg] and inertia [kg m2] of grains with these radii [m], of these kinds."""
-        tables = (*sim.scene.grains, *sim.scene.sources)
-        densities = np.array([table.density for table in tables] or [DENSITY])[kind]
-        forms = [sim.scene.form_of(table) for table in tables] or [form("disc", BUILT_IN["disc"])]
-        mass = densities * np.array([one.area for one in forms])[kind] * radius**2
-        return mass, mass * radius**2 * np.array([one.inertia for one in forms])[kind]
-
-
-def _radii(sim: Simulation) -> tuple[float, float]:
-    """Smallest and largest radius there is [m]."""
-    places, _ = census.places(sim.world)
-    radius = places[:, 2]
-    return (float(radius.min()), float(radius.max())) if len(radius) else (0.5 * sim.bed.diameter,) * 2
-
-
-def _limits(sim: Simulation) -> tuple[float, float]:
-    """Diameters of the smallest and largest grain that the world has tables for, over the mean one."""
-    largest = float(sim.world.box[None].largest)
-    return 0.3 * min(1.0, largest / sim.bed.diameter), largest / sim.bed.diameter
 
 
 class Stroke:
@@ -111,6 +39,7 @@ class Stroke:
         self.x = self.y = 0.0
         self.vx = self.vy = 0.0
         self.phase = "press"
+        self.path: list[np.ndarray] = []  # of the hand, for tools that draw [m]
 
     def move(self, phase: str, x: float, y: float, vx: float, vy: float) -> None:
         """The hand is at (x, y) [m] and moves [m/s]; once a frame, even if it stands still."""
@@ -120,6 +49,8 @@ class Stroke:
     def end(self) -> None:
         """The button was let go, or another tool chosen."""
         self.hand(work=hand.IDLE)
+        if self.tool.finish:
+            self.tool.finish(self)
 
     @property
     def sim(self) -> Simulation:
@@ -274,19 +205,24 @@ class Tool:
     help: str
     work: Callable[[Stroke], None]
     inverse: str = ""  # what the right button does instead
+    uses: tuple[str, ...] = ("size",)  # the numbers of the brush that it goes by
+    finish: Callable[[Stroke], None] | None = None  # at the end of a stroke
 
 
+MADE = ("size", "low", "high", "spin")
 TOOLS = {
     tool.name: tool
     for tool in (
-        Tool("grab", "1", "hold the grain under the cursor by a spring, drag it, throw it", grab),
-        Tool("create", "2", "fill the brush with grains, never inside others (right button: destroy)", create, "destroy"),
+        Tool("grab", "1", "hold the grain under the cursor by a spring, drag it, throw it", grab, uses=("size", "grip")),
+        Tool("create", "2", "fill the brush with grains, never inside others (right button: destroy)", create, "destroy", MADE),
         Tool("destroy", "3", "take out the grains under the brush (right button: create)", destroy, "create"),
-        Tool("pour", "4", "pour grains while the button is held (right button: destroy)", pour, "destroy"),
-        Tool("stir", "5", "drag along what is under the brush", stir),
-        Tool("attract", "6", "pull grains towards the cursor (right button: repel)", attract, "repel"),
-        Tool("repel", "7", "push grains away from the cursor (right button: attract)", repel, "attract"),
+        Tool("pour", "4", "pour grains while the button is held (right button: destroy)", pour, "destroy", MADE),
+        Tool("stir", "5", "drag along what is under the brush", stir, uses=("size", "strength")),
+        Tool("attract", "6", "pull grains towards the cursor (right button: repel)", attract, "repel", ("size", "strength")),
+        Tool("repel", "7", "push grains away from the cursor (right button: attract)", repel, "attract", ("size", "strength")),
         Tool("freeze", "8", "hold the grains under the brush in place (right button: thaw)", freeze, "thaw"),
         Tool("thaw", "9", "let held grains go (right button: freeze)", thaw, "freeze"),
+        Tool("wall", "0", "draw a wall (right button: erase)", wall_tools.draw, "erase", (), wall_tools.build),
+        Tool("erase", "e", "rub out walls under the brush (right button: draw one)", wall_tools.erase, "wall"),
     )
 }

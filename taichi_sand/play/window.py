@@ -11,15 +11,15 @@ import taichi as ti
 
 from taichi_sand.play import hud
 from taichi_sand.play.controls import Controls
-from taichi_sand.play.files import Film
+from taichi_sand.play.files import Film, as_line
 from taichi_sand.play.pace import FRAME, Pace
 from taichi_sand.play.recording import Recorder
 from taichi_sand.play.screen import Screen, picture_width
-from taichi_sand.play.session import Session, as_line
+from taichi_sand.play.session import Session
 from taichi_sand.scene.errors import SandError
 
-MEASURE = 0.25
-"""Time between two measurements [s]."""
+MEASURE, REPORT = 0.25, 0.1
+"""Time between two measurements [s], for the eye and for a report."""
 IDLE = 0.03
 """A paused window looks for input so often [s]."""
 NO_DISPLAY = "there is no display to open a window on; `taichi-sand render` makes films without one"
@@ -43,12 +43,13 @@ class Window:
     def __init__(self, session: Session, name: str, *, folder: Path, width: int | None = None, report: Path | None = None) -> None:
         self.session, self.name, self.folder, self.width = session, name, folder, width
         self.report = report.open("w", encoding="utf-8") if report else None
+        self.every = REPORT if report else MEASURE
         self.listener: LISTENER | None = None  # gets the actions and steps of every frame
         self.running, self.stale, self.unmeasured = True, True, True
         self.seen_at = (0.0, 0.0)
         self.film: Film | None = None
         self.measured: dict[str, Any] = {}
-        self.frame_time = FRAME
+        self.frame_time, self.began = FRAME, time.perf_counter()
         self.gui: Any = None
         self.open()
         self.controls = Controls(self)
@@ -74,20 +75,23 @@ class Window:
 
     def run(self) -> None:
         """Until the window is closed."""
-        last = time.perf_counter()
         while self.running and self.gui.running:
-            now = time.perf_counter()
-            self.frame_time, last = now - last, now
-            self.frame()
-            if self.controls.paused and not self.stale:
-                time.sleep(IDLE)
-            else:
-                time.sleep(max(0.0, FRAME - (time.perf_counter() - now)))
+            self.tick()
         if self.film:
             self.film.close()
         if self.report:
             self.report.close()
         self.gui.close()
+
+    def tick(self) -> None:
+        """One frame, and the rest of its time."""
+        now = time.perf_counter()
+        self.frame_time, self.began = now - self.began, now
+        self.frame()
+        if self.controls.paused and not self.stale:
+            time.sleep(IDLE)
+        else:
+            time.sleep(max(0.0, FRAME - (time.perf_counter() - now)))
 
     def frame(self) -> None:
         """One frame: input, simulation, picture."""
@@ -104,9 +108,9 @@ class Window:
             self.pace.frame(self.frame_time, session.sim.time - before)
         if self.listener:
             self.listener(session.take_log(), steps)
-        late = self.unmeasured and time.perf_counter() - self.measured_at >= MEASURE
+        late = self.unmeasured and time.perf_counter() - self.measured_at >= self.every
         if steps or changed or self.stale or late:
-            self._show()
+            self.show()
         else:
             self.gui.core.update()
 
@@ -129,10 +133,10 @@ class Window:
         x, y = self.gui.get_cursor_pos()
         return x * self.screen.size[0], (1 - y) * self.screen.size[1]
 
-    def _show(self) -> None:
+    def show(self) -> None:
         """Measures if it is time to, paints, shows."""
         now = time.perf_counter()
-        due = now - self.measured_at >= MEASURE
+        due = now - self.measured_at >= self.every
         self.unmeasured = not due
         if due:
             self._measure(now)
@@ -148,6 +152,8 @@ class Window:
         self.gui.core.update()
         for name, seconds in {**self.screen.stages, "show": time.perf_counter() - shown}.items():
             self.pace.stage(name, seconds)
+        if due and self.report:
+            self._tell()
         if self.film and self.film.due:
             self.film.frame(self.screen.painter.rgb(picture))
 
@@ -160,19 +166,32 @@ class Window:
         self.measured |= {"frames": pace.frames, "real_time": pace.factor, "paused": self.controls.paused}
         self.measured |= {"cost": pace.cost / session.sim.step, "stages": dict(pace.stages)}
         self.measured["given"] = session.sim.hand.now[None].given.to_list()
-        if self.report:
-            values = {knob.key: session.value(knob.key) for knob in session.knobs()}
-            state = {"tool": session.tool, "look": session.look, "solver": session.sim.scene.solver.kind, "values": values}
-            state |= {
-                "effects": list(session.sim.effects),
-                "unphysical": session.unphysical(),
-                "said": session.message or self.controls.told,
-            }
-            state |= {"undo": len(session.history.past), "compiled": compiled(), "window": self.screen.size, "scene": self.name}
-            state |= {"help": self.screen.help, "hash": session.digest()}
-            state |= {"controls": self.screen.panel.places(), "picture": [0, self.screen.top, *self.screen.picture]}
-            self.report.write(as_line({**self.measured, **state}) + "\n")
-            self.report.flush()
+
+    def _tell(self) -> None:
+        """A line of the report: what the window shows at this moment."""
+        session, screen = self.session, self.screen
+        state = {
+            **self.measured,
+            "scene": self.name,
+            "solver": session.sim.scene.solver.kind,
+            "effects": list(session.sim.effects),
+            "values": {knob.key: session.value(knob.key) for knob in session.knobs()},
+            "unphysical": session.unphysical(),
+            "walls": [wall.points for wall in session.sim.scene.walls],
+            "tool": session.tool,
+            "kind": session.brush.kind,
+            "undo": len(session.history.past),
+            "look": session.look,
+            "help": screen.help,
+            "said": session.message or self.controls.told,
+            "compiled": compiled(),
+            "hash": session.digest(),
+            "window": screen.size,
+            "picture": [0, screen.top, *screen.picture],
+            "controls": screen.panel.places(),
+        }
+        self.report.write(as_line(state) + "\n")
+        self.report.flush()
 
 
 def compiled() -> int:

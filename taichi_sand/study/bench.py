@@ -21,6 +21,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from taichi_sand.study.window_cost import real_time, showing
+
 SECONDS = 2.0
 BED_DEPTH = 30
 """Layers of the bed at rest that shows what a step costs: as deep for any number of grains, so that step and state are the same."""
@@ -108,7 +110,9 @@ def native(program: str, count: int, options: list[str]) -> dict[str, float]:
         return settle_natively(Path(program), options, pack(scene), scene.size[0], Path(folder))
 
 
-JOBS: dict[str, Callable[..., dict[str, float]]] = {job.__name__: job for job in (settling, stepping, billiards, painting, pymunk, native)}
+JOBS: dict[str, Callable[..., dict[str, float]]] = {
+    job.__name__: job for job in (settling, stepping, billiards, painting, pymunk, native, showing, real_time)
+}
 
 
 def alone(name: str, threads: int, *arguments: Any) -> dict[str, float]:
@@ -189,12 +193,23 @@ def scaling_table(runs: int, counts: list[int]) -> Table:
     return table
 
 
+def window_table(runs: int) -> Table:
+    """The window on the settle scene, 720 pixels wide, one CPU thread."""
+    table = Table("grains", "paint and show", "… with the numbers", "frames/s", "real time", title="the window, ms of CPU time a picture")
+    for count in (1000, 10000):
+        found = medians(runs, {"show": (1, "showing", count, 720), "run": (1, "real_time", count, 720)})
+        show, run = found["show"], found["run"]
+        table.add_row(str(count), f"{show['plain']:.2f}", f"{show['numbers']:.2f}", f"{run['frames']:.1f}", f"{run['factor']:.2f}×")
+    return table
+
+
 def main() -> None:
     """Prints all tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=3, help="interleaved runs of each, for the medians")
     parser.add_argument("--native", type=Path, metavar="DIR", help="folder with floor_rigid and floor_md")
     parser.add_argument("--most", type=int, default=20000, help="most grains in the comparisons with peers")
+    parser.add_argument("--window", action="store_true", help="what the window costs, and nothing else")
     parser.add_argument("--job", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.job:
@@ -202,6 +217,9 @@ def main() -> None:
         print(json.dumps(JOBS[name](*arguments)))
         return
     console, runs, folder = Console(), given.runs, given.native
+    if given.window:
+        console.print(window_table(runs))
+        return
     settings = {
         5000: ((0.04, 0.02, 0.01), 1 / 960, ["-f", "480", "-it", "8", "-pit", "4"]),
         20000: ((0.3, 0.08, 0.04), 1 / 240, ["-f", "240", "-it", "10", "-pit", "5"]),

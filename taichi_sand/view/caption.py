@@ -18,6 +18,8 @@ from taichi_sand.view.paint import REFERENCE_WIDTH, WALL_WIDTH, Legend
 TITLE_SIZE, LINE_SIZE = 17, 12
 """Heights of the text [px] in a picture REFERENCE_WIDTH wide; they follow the width within LEAST .. MOST."""
 LEAST, MOST = 0.7, 2.0
+WORD_GAP = 0.3
+"""Words are at least this much of the height of the text apart; the font's own space is hard to see in small text."""
 MARGIN = 16
 LINE_STEP = 18
 BETWEEN = "  ·  "
@@ -42,12 +44,24 @@ def font_of(size: int) -> ImageFont.FreeTypeFont:
     return ImageFont.load_default(size)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=1024)
+def spaced(text: str, size: int) -> tuple[list[int], int]:
+    """Where the words of a line begin, and how wide it is [px]."""
+    font, x, starts = font_of(size), 0.0, []
+    gap = max(WORD_GAP * size, font.getlength(" "))
+    for word in text.split(" "):
+        starts.append(round(x))
+        x += font.getlength(word) + gap
+    return starts, max(1, math.ceil(x - gap))
+
+
+@lru_cache(maxsize=512)
 def text_tile(text: str, size: int, colour: str) -> np.ndarray:
     """Text in one colour on nothing; its own width, the height of a line."""
-    font = font_of(size)
-    mask = Image.new("L", (max(1, math.ceil(font.getlength(text))), size + size // 3))
-    ImageDraw.Draw(mask).text((0, 0), text, font=font, fill=255)
+    font, (starts, width) = font_of(size), spaced(text, size)
+    mask = Image.new("L", (width, size + size // 3))
+    for start, word in zip(starts, text.split(" "), strict=True):
+        ImageDraw.Draw(mask).text((start, 0), word, font=font, fill=255)
     return (np.asarray(mask, np.uint32) << 24) | np.uint32(palette.packed(colour))
 
 
@@ -90,11 +104,11 @@ def number_text(value: float) -> str:
 
 
 class Caption:
-    """Lays captions over canvases of one size. `scale`: px/m."""
+    """Lays captions over canvases of one size. `scale`: px/m; `least`: smallest size of the text, over that of LINE_SIZE."""
 
-    def __init__(self, width: int, height: int, scale: float) -> None:
+    def __init__(self, width: int, height: int, scale: float, least: float = LEAST) -> None:
         self.width, self.height = width, height
-        self.size = min(MOST, max(LEAST, width / REFERENCE_WIDTH))
+        self.size = min(MOST, max(least, width / REFERENCE_WIDTH))
         self.bar = round_length(BAR_SHARE * width / scale)
         self.bar_width = round(self.bar * scale)
 

@@ -6,7 +6,7 @@ All lists are NumPy arrays of the painter: the painter needs no room on the devi
 
 import taichi as ti
 
-from taichi_sand.view.shapes import disc, lighter, line, mix
+from taichi_sand.view.shapes import disc, lighter, line, mix, sleepy
 from taichi_sand.world.clumps import disc_around, discs_around, turned
 from taichi_sand.world.geometry import mobility, movable, position
 from taichi_sand.world.sweep import block_count
@@ -73,6 +73,15 @@ def colour_by_value(w: ti.template(), values: Numbers, top: ti.f32, colour_map: 
     for i in range(w.count[None]):
         entry = ti.cast(values[i] / top * ti.cast(last, ti.f32) + 0.5, ti.i32)
         colours[i] = colour_map[ti.min(last, ti.max(0, entry))] if movable(w, i) > 0.0 else fixed
+
+
+@ti.kernel
+def fade_sleepers(w: ti.template(), colours: Packed):
+    """Colours of those who sleep, who lie behind all others."""
+    ti.loop_config(serialize=True)
+    for i in range(w.count[None] - w.naps.state[None].asleep, w.count[None]):
+        if movable(w, i) > 0.0:
+            colours[i] = sleepy(colours[i])
 
 
 @ti.kernel

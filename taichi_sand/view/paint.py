@@ -61,7 +61,8 @@ def edge_lines(width: int, height: int, edges: Sequence[bool], thickness: float)
 
 
 class Painter:
-    """Paints a world. `color`, `force_chains` and `walls` may be changed between pictures.
+    """Paints a world. `color`, `force_chains`, `sleepers` (whether they are shown fainter), `bonds` (whether they are shown) and `walls`
+    may be changed between pictures.
 
     walls: straight parts, shape (n, 4): x, y of one end, x, y of the other [m].
     edges: which edges of the box are walls: left, right, bottom, top.
@@ -83,7 +84,7 @@ class Painter:
         kinds: int = 1,
     ) -> None:
         check_view(color, world)
-        self.world, self.color, self.force_chains = world, color, force_chains
+        self.world, self.color, self.force_chains, self.sleepers, self.bonds = world, color, force_chains, True, True
         self.width, self.height = width, picture_height(size_m, width)
         self.scale = width / size_m[0]  # px/m
         self.enlargement = width / REFERENCE_WIDTH
@@ -132,9 +133,11 @@ class Painter:
         canvas.fill(palette.packed(palette.GROUND))
         self.legend = None
         self._colour(time)
+        if self.sleepers and self.world.sleeps and not self.force_chains:
+            kernels.fade_sleepers(self.world, self._colours)
         world, size = self.world, (self.width, self.height)
         kernels.place_discs(world, self.scale, *size, self._discs, self._owner, self._bands)
-        bars = self.color == KIND and not self.force_chains and world.linked  # they show how a body is turned
+        bars = self.bonds and not self.force_chains and world.linked  # they show how a body is turned
         spokes = self.color in SPOKED and not self.force_chains and not bars
         kernels.paint_discs(canvas, *size, self._discs, self._owner, self._bands, self._colours, spokes)
         if self.force_chains:

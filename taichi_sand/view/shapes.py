@@ -37,6 +37,18 @@ def lighter(colour, factor):
 
 
 @ti.func
+def sleepy(colour):
+    """Colour at 60 % of its saturation and 80 % of its lightness."""
+    red, green, blue = (colour >> ti.u32(16)) & ti.u32(255), (colour >> ti.u32(8)) & ti.u32(255), colour & ti.u32(255)
+    grey = ti.cast(77 * red + 150 * green + 29 * blue, ti.f32) / 256.0  # as bright, without colour
+    faint = ti.u32(0)
+    for shift in ti.static((16, 8, 0)):
+        channel = ti.cast((colour >> ti.u32(shift)) & ti.u32(255), ti.f32)
+        faint |= ti.cast(0.8 * (grey + 0.6 * (channel - grey)) + 0.5, ti.u32) << ti.u32(shift)
+    return faint
+
+
+@ti.func
 def disc(canvas: ti.template(), width, height, x0, x1, cx, cy, radius, colour):
     """A filled disc. Its rim is a ramp about a pixel wide, straight in the squared distance: so the covered area is pi r^2."""
     shown = ti.max(radius, SMALLEST_RADIUS)
