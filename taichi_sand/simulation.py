@@ -102,7 +102,7 @@ class Simulation(Readings):
         self.world = make_world(scene, grains, extra, turns, self.arch != "cpu", *rooms, **structure)
         device.count_room(self.world.capacity)
         longest = effect_modules.longest_step(self.effects, self.world)
-        self.bed = replace(bed_of(grains, scene.gravity, fastest_wall(scene)), longest_step=longest)
+        self.bed = replace(bed_of(grains, scene.gravity, scene.size, fastest_wall(scene)), longest_step=longest)
         self.sizes = np.array([form.size for form in grains.forms] or [1.0])  # by kind: radius of a disc of the same area / radius
         memory = list(self.world.pairs.memory[-extra:]) if extra else []
         own = [memory.pop(0) for _ in range(solver.MEMORY)]
@@ -235,7 +235,12 @@ class Simulation(Readings):
         Nothing is compiled: everything else in `scene` must be as it was.
         """
         self.world.box[None].gravity = scene.gravity
-        self._adopt(scene, replace(self.bed, gravity=float(np.hypot(*scene.gravity))), live or {})
+        bed = self.bed
+        if scene.gravity != self.scene.gravity:
+            gravity = float(np.hypot(*scene.gravity))
+            drop = float(np.abs(scene.gravity) @ np.array(scene.size)) / max(gravity, 1e-12)
+            bed = replace(bed, gravity=gravity, drop=drop)
+        self._adopt(scene, bed, live or {})
 
     def _adopt(self, scene: Scene, bed: Bed, live: dict[str, float]) -> None:
         bed = replace(bed, longest_step=effect_modules.longest_step(effect_modules.check(scene), self.world))

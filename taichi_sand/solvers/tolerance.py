@@ -33,6 +33,8 @@ REFERENCE_STEPS, LEAST_REFERENCE_STEPS = 0.03, 10.0
 deep dies out (1D columns of 5 to 300 discs: a quarter of it still rests, but rings longer; four times as much only rests later)."""
 FASTEST = 0.7
 """Rigid: speed cap in diameters a step. Two grains then approach by less in a step than a search can foresee, MOST_SLACK diameters."""
+FALL = 0.8
+"""Share of the speed cap that a falling grain may reach."""
 PUSH, IMPACT = 1.0, 0.3
 """Rigid: fastest separation of overlapping grains, and slowest impact, in sqrt(g d) (physics.md D5)."""
 
@@ -52,14 +54,15 @@ class Bed:
     gravity: float  # [m/s2]
     speed: float  # fastest grain at the start, or wall [m/s]
     longest_step: float = math.inf  # that the effects allow [s]
+    drop: float = 0.0  # that a grain can fall at most [m]
 
 
-def bed_of(pack: Pack, gravity: tuple[float, float], wall_speed: float = 0.0) -> Bed:
+def bed_of(pack: Pack, gravity: tuple[float, float], size: tuple[float, float], wall_speed: float = 0.0) -> Bed:
     """Bed that the grains of `pack` will form where they fall straight down, at packing fraction 0.84.
 
     Its depth is that of the deepest window of WINDOW diameters across, counting only the parts of it that hold grains: a slender
-    column is as deep as it has grains, a loose lattice as deep as it will be when it has settled. `wall_speed` [m/s] is that of the
-    fastest wall.
+    column is as deep as it has grains, a loose lattice as deep as it will be when it has settled. `size` [m] is that of the box,
+    `wall_speed` [m/s] that of the fastest wall.
     """
     if not len(pack.radius):
         return Bed(1.0, 1.0, 1.0, 1.0, float(np.hypot(*gravity)), wall_speed)
@@ -68,7 +71,17 @@ def bed_of(pack: Pack, gravity: tuple[float, float], wall_speed: float = 0.0) ->
     diameter = 2 * float(radius.mean())
     speed = max(wall_speed, float(np.hypot(*pack.velocity.T).max()))
     depth = depth_of(pack.position[free], radius, gravity)
-    return Bed(diameter, float(mass.mean()), float((mass / pack.lightness[free]).min()), depth, float(np.hypot(*gravity)), speed)
+    down = np.array(gravity) / max(float(np.hypot(*gravity)), 1e-12)
+    drop = float(np.maximum(down * np.array(size), 0.0).sum() - (pack.position[free] @ down).min())
+    return Bed(
+        diameter,
+        float(mass.mean()),
+        float((mass / pack.lightness[free]).min()),
+        depth,
+        float(np.hypot(*gravity)),
+        speed,
+        drop=max(drop, 0.0),
+    )
 
 
 def depth_of(position: np.ndarray, radius: np.ndarray, gravity: tuple[float, float]) -> float:
@@ -181,7 +194,8 @@ def rigid_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     solver = scene.solver
     weight = max(RIGID_LOAD * bed.depth * bed.gravity, 1e-12)
     flight = math.sqrt(solver.tolerance) * bed.diameter / max(bed.speed, 1e-12)
-    step = min(SAG * math.sqrt(solver.tolerance * bed.diameter / weight), flight, LONGEST_STEP, bed.longest_step)
+    followed = FALL * FASTEST * bed.diameter / max(math.sqrt(bed.speed**2 + 2 * bed.gravity * bed.drop), 1e-12)
+    step = min(SAG * math.sqrt(solver.tolerance * bed.diameter / weight), flight, followed, LONGEST_STEP, bed.longest_step)
     if solver.substeps:
         step = 1 / (60 * solver.substeps)
     step = solver.step or step

@@ -178,7 +178,7 @@ class Runner:
         """Step [s], number of grains and their mean diameter [m] that a setting means."""
         scene = self.make(setting.overrides)
         grains = pack(scene)
-        bed = bed_of(grains, scene.gravity)
+        bed = bed_of(grains, scene.gravity, scene.size)
         return choose(setting.kind).numbers(scene, bed)["step"], len(grains.radius), bed.diameter
 
     def run(self, setting: Setting, repeat: int, more: Sequence[str] = ()) -> tuple[float, dict[str, float], list[str]]:
