@@ -120,7 +120,7 @@ class Simulation(Readings):
 
     def _start_steps(self) -> None:
         pace = self.world.pace
-        set_patience(self.world, self.scene.solver.tolerance)
+        set_patience(self.world, self.scene.solver.kind, self.scene.solver.tolerance)
         pace[None].spent, pace[None].step, pace[None].speed_cap = 1, self.step, self.numbers["speed_cap"]
         if self.world.layout != "one":
             step_alone(self.world, self.solver)  # only compiles: a step that finds its search spent does nothing
@@ -259,7 +259,7 @@ class Simulation(Readings):
             if name in known:
                 setattr(constants[None], name, value)
         pace[None].step, pace[None].speed_cap = self.step, self.numbers["speed_cap"]
-        set_patience(self.world, self.scene.solver.tolerance)
+        set_patience(self.world, self.scene.solver.kind, self.scene.solver.tolerance)
 
     def _march(self, count: int) -> None:
         end = self.steps + count

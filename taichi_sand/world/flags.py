@@ -18,7 +18,7 @@ SENTENCES = {
     "Grains overlap heavily or sizes differ too much.",
     WALL_PAIRS_FULL: "The table of wall contacts overflowed {count} times, first at {time:.4g} s: contacts were missed. "
     "Too many walls lie close together.",
-    WALL_WAITS: "{count} steps long a moving wall waited, first at {time:.4g} s: grains were jammed in its way. Give it a `force` "
+    WALL_WAITS: "{count} steps long a moving wall was held up, first at {time:.4g} s: grains were jammed in its way. Give it a `force` "
     "that it pushes with at most, or less speed.",
     SOURCE_FULL: "{count} times a source found the table of grains full, first at {time:.4g} s, and made none: there is room for what the "
     "sources make within the scene's `duration`. A longer one gives more.",

@@ -1,9 +1,9 @@
 """Walls that move: their clocks, where they are, how fast, and the lattice sites they are felt from.
 
 Every moving wall has a clock, and is where the scene says it is at the time that its clock shows (scene.moving). The clock keeps
-simulated time, unless grains are jammed in the way: a wall without `force` then waits; one with `force` has a motor that pushes with
-that force at rest, less the faster it runs, and with none at the speed that the scene asks for. Since the last search a wall has
-turned and shifted a little; its parts are listed anew, by lattice site, in every search.
+simulated time, unless grains are jammed in the way: a wall without `force` then slows down, waits and yields; one with `force` has a
+motor that pushes with that force at rest, less the faster it runs, and with none at the speed that the scene asks for. Since the last
+search a wall has turned and shifted a little; its parts are listed anew, by lattice site, in every search.
 """
 
 from collections.abc import Sequence
@@ -24,9 +24,10 @@ MOST_PUSH = 1000.0
 RESPONSE = 0.02
 """Time in which a motor gets up to speed [s], at least; and so much that it has the inertia of HEAVIER rows of grains."""
 HEAVIER = 4.0
-JAMMED = 0.1
-"""Overlap with a wall at which it waits, in mean diameters, or so many tolerances."""
-TOLERANCES = 3.0
+JAMMED, TOLERANCES = 0.06, 3.0
+"""Overlap with a wall at which it slows down: in mean diameters, or, if that is more, in tolerances. It waits at half as much again."""
+BLUR = {"md": 20.0, "rigid": 1.0}
+"""Steps over which that overlap is averaged: soft grains that hit a wall overlap for as long as a collision lasts, which is no jam."""
 
 
 class Movers(NamedTuple):
@@ -50,7 +51,9 @@ class Movers(NamedTuple):
     twist: Any  # motion now
     push: Any  # power that contacts take from the motor in this step, of UNIT; i32
     press: Any  # deepest overlap in this step [m]
-    jam: Any  # 0-D: overlap at which a wall without a motor waits [m]
+    strain: Any  # its average [m]
+    jam: Any  # 0-D: average at which a wall without a motor slows down [m]
+    blur: Any  # 0-D: steps that are averaged over
     wall: Any  # of every part of all walls: which moving wall it belongs to, -1 = none; shape (parts,), i32
     part: Any  # of every part that moves, as the next three: its number; shape (moving parts,), i32
     home: Any  # its point from the pivot, and its `along`, at time 0; 4-vector, wide
@@ -68,8 +71,8 @@ def allocate_movers(real: Any, wide: Any, walls: int, every: int, parts: int, si
     fields: dict[str, Any] = {name: ti.Vector.field(2, kind, walls) for name, kind in pairs.items()}
     fields |= {name: ti.Vector.field(4, real, walls) for name in ("start", "pose", "twist")}
     fields |= {name: ti.field(wide, walls) for name in ("spin", "omega", "age")}
-    fields |= {name: ti.field(real, walls) for name in ("lever", "power", "response", "since", "rate", "phase", "press")}
-    fields |= {"push": ti.field(ti.i32, walls), "jam": ti.field(real, ()), "wall": ti.field(ti.i32, every)}
+    fields |= {name: ti.field(real, walls) for name in ("lever", "power", "response", "since", "rate", "phase", "press", "strain")}
+    fields |= {"push": ti.field(ti.i32, walls), "jam": ti.field(real, ()), "blur": ti.field(real, ()), "wall": ti.field(ti.i32, every)}
     fields |= {"part": ti.field(ti.i32, parts), "side": ti.field(ti.i32, parts), "home": ti.Vector.field(4, wide, parts)}
     fields |= {"bounds": ti.Vector.field(2, wide, parts), "head": ti.field(ti.i32, sites), "count": ti.field(ti.i32, ())}
     fields |= {name: ti.field(ti.i32, entries) for name in ("next", "site")}
@@ -161,9 +164,9 @@ def close_walls(w: ti.template()):
             goal = ti.max(-1.0, ti.min(1.0, 1.0 - push))
             movers.rate[m] += at_most(0.25, pace.step / movers.response[m]) * (goal - movers.rate[m])
         else:
-            waits = movers.press[m] > movers.jam[None]
-            movers.rate[m] = 0.0 if waits else 1.0
-            if waits:
+            movers.strain[m] += (movers.press[m] - movers.strain[m]) / movers.blur[None]
+            movers.rate[m] = ti.max(-1.0, ti.min(1.0, 3.0 - 2.0 * movers.strain[m] / movers.jam[None]))
+            if movers.rate[m] < 1.0:
                 flag(w, WALL_WAITS, m)
         time = ti.cast(pace.since + 1, w.real) * pace.step
         turn = ti.cast(movers.spin[m], w.real) * movers.since[m]

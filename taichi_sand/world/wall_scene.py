@@ -7,7 +7,7 @@ import taichi as ti
 
 from taichi_sand.scene import moving
 from taichi_sand.scene.packing import Pack
-from taichi_sand.world.movers import JAMMED, TOLERANCES, Movers, allocate_movers, hours, set_out
+from taichi_sand.world.movers import BLUR, JAMMED, TOLERANCES, Movers, allocate_movers, hours, set_out
 from taichi_sand.world.pairs import MOST_REACH
 from taichi_sand.world.rest import wake
 from taichi_sand.world.tables import World
@@ -62,9 +62,10 @@ def check_speeds(scene: Any, cap: float) -> None:
             raise scene.error(f"walls[{index}]", text)
 
 
-def set_patience(world: World, tolerance: float) -> None:
-    """How deep grains may be pressed into a moving wall before it waits, for grains that may overlap by `tolerance` d at rest."""
+def set_patience(world: World, kind: str, tolerance: float) -> None:
+    """How deep grains may be pressed into a moving wall before it slows down: solver, and overlap allowed at rest [d]."""
     if world.moves:
+        world.movers.blur[None] = BLUR[kind]
         world.movers.jam[None] = max(JAMMED, TOLERANCES * tolerance) * world.box[None].diameter
 
 

@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import OPEN, D, Disc, G, R, simulate
+from helpers import OPEN, D, Disc, G, R, listed, simulate
+
+from taichi_sand.world.wall_scene import standing_walls
 
 SOLVERS: dict[str, dict[str, Any]] = {"rigid": {"kind": "rigid", "step": 1e-3}, "md": {"kind": "md", "stiffness": 2e7, "step": 2e-6}}
 DOWN = (0.0, -G)
@@ -111,3 +113,41 @@ def test_compressed_pair_between_walls() -> None:
         sim.advance(5e-5)
         expected = still + modes @ (parts * np.cos(np.sqrt(squares) * sim.time))
         assert sim.positions[:, 0] == pytest.approx(expected, abs=0.01 * abs(np.array([heavy.x, light.x]) - still).max())
+
+
+def squeezed(kind: str, **keys: Any) -> Any:
+    """150 discs in a box, and a piston that sweeps it from the left at 0.2 m/s: it is jammed before it is through."""
+    grains = [{"radius": [0.9 * R, R], "count": 150, "region": [0.02, 0.0, 0.3, 0.1]}]
+    piston = {"points": [[0.001, 0.0], [0.001, 0.1]], "velocity": [0.2, 0.0], **keys}
+    return simulate(grains, (0.3, 0.1), {"kind": kind, "precision": 32}, walls=[piston], mu=0.3, gravity=DOWN)
+
+
+def piston_at(sim: Any) -> float:
+    """Where the piston is, along x [m]."""
+    return float(standing_walls(sim.world, sim.scene)[0][0, 0])
+
+
+@pytest.mark.parametrize("kind", SOLVERS)
+def test_piston_stops_where_grains_bear_its_force(kind: str) -> None:
+    """C24, constant force: the piston pushes the grains together and stands still, with its force on them."""
+    sim = squeezed(kind, force=20.0)
+    sim.advance(1.0)
+    grains, part = sim.positions, 4  # behind the four edges
+    assert (grains[:, 0] > piston_at(sim) + 0.7 * R).all() and sim.flags() == []  # nobody is left behind it
+    stands = piston_at(sim)
+    sim.advance(0.5)
+    assert abs(piston_at(sim) - stands) < 0.01 * D
+    pushes = [-c.force[0] * c.normal[0] + c.force[1] * c.normal[1] for c in listed(sim) if c.wall and c.second == part]
+    assert sum(pushes) == pytest.approx(20.0, rel=0.02)
+    assert sim.report()["overlap_max"] < 0.05
+
+
+@pytest.mark.parametrize("kind", SOLVERS)
+def test_piston_without_limit_stalls(kind: str) -> None:
+    """C24, constant speed: jammed, it is held up and says so; overlaps stay bounded, and nobody gets out."""
+    sim = squeezed(kind)
+    sim.advance(2.0)
+    assert any("moving wall was held up" in flag for flag in sim.flags())
+    assert piston_at(sim) < 0.25 and (sim.positions[:, 0] > piston_at(sim)).all()
+    report = sim.report()
+    assert sim.count == 150 and report["overlap_mean"] < (0.1 if kind == "rigid" else 0.03) and report["overlap_max"] < 0.5

@@ -1,0 +1,148 @@
+"""What grains do in silos, drums and shaken boxes: minutes of computing, so only with `-m slow` (physics.md B1, B10, B11, B7)."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from helpers import G, fresh_taichi
+from scipy.optimize import curve_fit
+
+import taichi_sand as sand
+
+pytestmark = pytest.mark.slow
+
+RADII = (0.0024, 0.0036)
+DISC = math.pi * (RADII[0] ** 2 + RADII[0] * RADII[1] + RADII[1] ** 2) / 3  # mean area
+WIDTH = 31 * 0.006
+
+
+def silo_load(fill: float, mu: float, walls: list | None = None) -> tuple[float, float]:
+    """Force on the floor of a silo, filled to so many of its widths, as the floor is lowered slowly, and the weight of the grains [N]."""
+    fresh_taichi()
+    height = 1.3 * fill * WIDTH + 0.05
+    grains = {"radius": RADII, "count": int(0.82 * fill * WIDTH**2 / DISC), "region": [0.0, 0.03, WIDTH, height]}
+    floor = {"points": [[0.0, 0.03], [WIDTH, 0.03]], "velocity": [0.0, -0.003]}
+    scene = sand.Scene(size=[WIDTH, height], grains=[grains], walls=[floor], seed=3, effects={"friction": {"mu": mu}})
+    sim = sand.Simulation(scene, threads=1)
+    sim.advance(2.0)
+    loads = []
+    for _ in range(20):
+        sim.advance(0.05)
+        loads.append(sim.report()["floor_force_N"])
+    return float(np.mean(loads)), sim.report()["mass_kg"] * G
+
+
+def test_silo_load_saturates() -> None:
+    """B1, Janssen: the load follows (1 - exp(-z / L)) within 5 % of its limit; without friction it is the weight, within 1 %."""
+    fills = [0.5, 1.0, 1.75, 2.75, 4.0]
+    found = np.array([silo_load(fill, 0.5) for fill in fills])
+    law = lambda z, most, length: most * (1 - np.exp(-z / length))
+    (most, length), _ = curve_fit(law, fills, found[:, 0], p0=(found[-1, 0], 1.5))
+    residual = np.abs(law(np.array(fills), most, length) - found[:, 0]).max() / most
+    print(f"loads {found[:, 0].round()} of weights {found[:, 1].round()}, limit {most:.0f} N, L = {length:.2f} W, residual {residual:.3f}")
+    assert residual < 0.05 and found[-1, 0] < 0.6 * found[-1, 1] and 0.5 < length < 4.0
+    load, weight = silo_load(1.75, 0.0)
+    assert load == pytest.approx(weight, rel=0.01)
+
+
+def turning_drum(froude: float) -> sand.Simulation:
+    """The scene `drum` at this Froude number w^2 D / (2 g)."""
+    fresh_taichi()
+    return sand.Simulation(sand.load("drum", [f"walls.0.spin={-math.sqrt(2 * G * froude / 0.473):.6f}"]), threads=1)
+
+
+def surface_angle(sim: sand.Simulation) -> float:
+    """Slope of the surface [degrees], from the highest grains of the middle columns."""
+    x = sim.positions
+    columns = np.linspace(0.15, 0.35, 21)
+    tops = [x[(x[:, 0] >= low) & (x[:, 0] < high), 1].max() for low, high in pairwise(columns)]
+    return -math.degrees(math.atan(np.polyfit((columns[:-1] + columns[1:]) / 2, tops, 1)[0]))
+
+
+def test_drum_rolls_slowly_and_centrifuges_fast() -> None:
+    """B10: at Fr = 0.005 the surface stays at one angle within 2 degrees; at Fr = 1.3 all grains go round with the wall."""
+    sim = turning_drum(0.005)
+    sim.advance(6.0)
+    angles = []
+    for _ in range(60):
+        sim.advance(0.1)
+        angles.append(surface_angle(sim))
+    second = np.array(angles).reshape(12, 5).mean(1)  # single avalanches come and go
+    print(f"angle {np.mean(angles):.1f} degrees, half-second means {second.min():.1f} .. {second.max():.1f}")
+    assert 12 < np.mean(angles) < 35 and np.abs(second - second.mean()).max() < 2.0
+    fast = turning_drum(1.3)
+    fast.advance(6.0)
+    way, v = fast.positions - 0.25, fast.velocities
+    turning = (way[:, 0] * v[:, 1] - way[:, 1] * v[:, 0]) / (way**2).sum(1)
+    share = turning / -math.sqrt(2 * G * 1.3 / 0.473)
+    print(f"turning / that of the drum {share.min():.2f} .. {share.max():.2f}")
+    assert np.abs(share - 1).max() < 0.1 and fast.lost == 0
+
+
+@pytest.mark.parametrize("seed", [6, 7])
+def test_brazil_nut_rises(seed: int) -> None:
+    """B11: at 3 g the large disc is in the upper third within 500 cycles; at 0.8 g nobody goes anywhere."""
+    fresh_taichi()
+    sim = sand.Simulation(sand.load("brazil_nut", [f"seed={seed}"]), threads=1)
+    cycles = 0
+    while cycles < 500:
+        sim.advance(12 / 12.0)
+        cycles += 12
+        y = sim.positions[:, 1]
+        if y[0] > np.percentile(y[1:], 67):
+            break
+    print(f"in the upper third after {cycles} cycles")
+    assert cycles < 500
+    fresh_taichi()
+    weak = f"walls.0.shake.amplitude=[0.0, {0.8 * G / (24 * math.pi) ** 2}]"
+    still = sand.Simulation(sand.load("brazil_nut", [f"seed={seed}", weak]), threads=1)
+    still.advance(3.0)
+    before = still.positions
+    still.advance(5.0)  # whole cycles
+    assert np.abs(still.positions - before).max() < 0.1 * 0.0066
+
+
+def drift(times: np.ndarray, passed: np.ndarray) -> tuple[float, float]:
+    """Rate [1/s] of what has passed, and by how much of it a line through the rate changes from first to last."""
+    square, slope, _ = np.polyfit(times - times.mean(), passed, 2)
+    return float(slope), float(abs(2 * square) * (times[-1] - times[0]) / slope)
+
+
+def test_hopper_drains_at_one_rate() -> None:
+    """The rate does not depend on the fill: it drifts by less than 5 % while that is above 1.2 widths."""
+    fresh_taichi()
+    width, out = 0.2, 0.018
+    funnel = [{"points": [[x, 1.2], [x, 0.345], [x + way * (0.1 - out), 0.2]]} for x, way in ((0.1, 1), (0.1 + width, -1))]
+    grains = {"radius": [0.0026, 0.0034], "count": 5000, "region": [0.1, 0.345, 0.3, 1.2]}
+    scene = sand.Scene(
+        size=[0.4, 1.2], grains=[grains], walls=funnel, sinks=[{"region": [0, 0, 0.4, 0.1]}], seed=1, effects={"friction": {"mu": 0.5}}
+    )
+    sim = sand.Simulation(scene, threads=1)
+    times, passed = [], []
+    while True:
+        sim.advance(0.1)
+        inside = sim.positions[sim.positions[:, 1] > 0.19]
+        if np.percentile(inside[:, 1], 98) - 0.2 < 1.2 * width or sim.time > 20:
+            break
+        times.append(sim.time)
+        passed.append(5000 - len(inside))
+    keep = np.array(times) > 1.0
+    rate, change = drift(np.array(times)[keep], np.array(passed)[keep])
+    print(f"{rate:.0f} grains a second, drift {change:.3f} from {passed[0]} to {passed[-1]} grains")
+    assert change < 0.05 and passed[-1] > 1500
+
+
+def test_hourglass_drains_at_one_rate() -> None:
+    """The same of the scene, while there is grain above the slopes of its walls."""
+    fresh_taichi()
+    sim = sand.Simulation(sand.load("hourglass"), threads=1)
+    times, passed = [], []
+    while not passed or passed[-1] < 2200:
+        sim.advance(0.1)
+        times.append(sim.time)
+        passed.append(int((sim.positions[:, 1] < 0.345).sum()))
+    keep = np.array(times) > 1.0
+    rate, change = drift(np.array(times)[keep], np.array(passed)[keep])
+    print(f"{rate:.0f} grains a second, drift {change:.3f}")
+    assert change < 0.05
