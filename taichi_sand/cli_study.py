@@ -94,6 +94,9 @@ def stress(
     tolerance: Annotated[list[float] | None, typer.Option("--tolerance", help="Instead of 0.05, 0.02 and 0.01; repeatable.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Without the cases that take minutes.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Prints all gates as JSON, and nothing else, on stdout.")] = False,
+    film: Annotated[
+        Path | None, typer.Option("--film", metavar="DIR", help="Writes a picture of the end of each into this folder.")
+    ] = None,
 ) -> None:
     """Runs the hard cases: a row each, exit 1 if one fails."""
     with cli.in_one_sentence():
@@ -102,10 +105,13 @@ def stress(
         asked = hard.rows(only, [solver] if solver else hard.SOLVERS, tolerance or hard.TOLERANCES, quick)
         if not asked:
             raise SandError(f"--only {only}: no case has such a name; there are {', '.join(hard.CASES)}")
+        if film is not None:
+            cli.check_writable(film / "any")
+            film.mkdir(parents=True, exist_ok=True)
         done = []
         with cli.progress_bar("stress") as progress:
             for one in asked:
-                done.append(hard.run(*one))
+                done.append(hard.run(*one, film))
                 if progress:
                     progress(len(done) / len(asked))
         if as_json:

@@ -16,6 +16,7 @@ class Readings:
     numbers: dict[str, float]
     made: int
     removed: int
+    epoch: tuple[int, float]
     step: float
     _stage: Any
 
@@ -69,7 +70,12 @@ class Readings:
 
     def flags(self) -> list[str]:
         """What went wrong so far, a sentence each; empty when all is well."""
-        return sentences(self.world.flags, self.step, self.numbers["speed_cap"])
+        return sentences(self.world.flags, self._time_of, self.numbers["speed_cap"])
+
+    def _time_of(self, steps: int) -> float:
+        """When so many steps had been done [s]; before the step last changed, as if it had always been the same."""
+        done, then = self.epoch
+        return then + (steps - done) * self.step if steps >= done else then * steps / done
 
     def report(self) -> dict[str, Any]:
         """What the simulation did, how well and at what cost; the keys are those of `taichi-sand run --json`."""

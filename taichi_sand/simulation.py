@@ -120,8 +120,8 @@ class Simulation(Readings):
 
     def _start_steps(self) -> None:
         pace = self.world.pace
-        set_patience(self.world, self.scene.solver.kind, self.scene.solver.tolerance)
-        pace[None].spent, pace[None].step, pace[None].speed_cap = 1, self.step, self.numbers["speed_cap"]
+        pace[None].spent = 1
+        self._set_pace()
         if self.world.layout != "one":
             step_alone(self.world, self.solver)  # only compiles: a step that finds its search spent does nothing
         self._march(0)
@@ -189,9 +189,9 @@ class Simulation(Readings):
         free = whole[:, 2] == 0
         if free.any():
             radius = numbers[:, 2] * self.sizes[whole[:, 1]]
-            depth = depth_of(numbers[free, :2], radius[free], self.scene.gravity)
-            if depth > GROWTH * self.bed.depth:
-                self._adopt(self.scene, replace(self.bed, depth=depth), {})
+            depth, load = depth_of(numbers[free, :2], radius[free], 1 / numbers[free, 3], self.scene.gravity)
+            if depth > GROWTH * self.bed.depth or load > GROWTH * self.bed.load:
+                self._adopt(self.scene, replace(self.bed, depth=max(depth, self.bed.depth), load=max(load, self.bed.load)), {})
 
     def wet(self, x: float, y: float, radius: float, amount: float) -> int:
         """Adds `amount` (below 0: takes water away) to the wetness, 0 … 1, of the grains within `radius` of (x, y) [m], and wakes who
@@ -253,12 +253,16 @@ class Simulation(Readings):
 
     def set_numbers(self, values: dict[str, float]) -> None:
         """Gives the solver and the effects these live numbers; the step and the speed cap are those of `numbers`."""
-        constants, pace = self.solver.constants, self.world.pace
+        constants = self.solver.constants
         known = constants.keys
         for name, value in values.items():
             if name in known:
                 setattr(constants[None], name, value)
-        pace[None].step, pace[None].speed_cap = self.step, self.numbers["speed_cap"]
+        self._set_pace()
+
+    def _set_pace(self) -> None:
+        for name in ("step", "speed_cap", "deep", "growth"):
+            setattr(self.world.pace[None], name, self.numbers.get(name, 0.0))
         set_patience(self.world, self.scene.solver.kind, self.scene.solver.tolerance)
 
     def _march(self, count: int) -> None:

@@ -8,7 +8,7 @@ ti.f64 where the backend has it.
 import taichi as ti
 
 from taichi_sand.world.clumps import disc_around, discs_around
-from taichi_sand.world.geometry import distance_to_second, mobility, perp, spin, velocity
+from taichi_sand.world.geometry import distance_to_second, mobility, perp, radii, spin, velocity
 from taichi_sand.world.sweep import block_count
 
 MASS, PX, PY, SPIN, KINETIC, POTENTIAL, SPEED2, HEIGHT, LOWEST, MOVING = range(10)
@@ -90,7 +90,7 @@ def weigh_grains(w: ti.template(), mass: ti.types.ndarray()):
 def gap_now(w: ti.template(), p, wall: ti.template()):
     """Gap of pair p at the present places [m] and its unit normal."""
     distance, normal = distance_to_second(w, p, w.pairs.first[p], wall)
-    return distance - w.pairs.contact_distance[p], normal
+    return distance - radii(w, p, wall), normal
 
 
 @ti.func

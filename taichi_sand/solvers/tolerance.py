@@ -39,8 +39,16 @@ PUSH, IMPACT = 1.0, 0.3
 """Rigid: fastest separation of overlapping grains, and slowest impact, in sqrt(g d) (physics.md D5)."""
 
 
+YIELD, GROW = 0.4, 0.15
+"""Md: an overlap that would part two grains faster than YIELD sqrt(g d), that the weight of the bed does not explain, and that they were
+not seen to come to, is taken out by and by: they touch where they are, and their surfaces grow to the radii they have with GROW sqrt(g d)
+(physics.md C6)."""
+EARTH = 9.81  # m/s2, where a scene has no gravity to measure speeds by
+
 WINDOW = 16
 """Diameters across which the depth of a bed is averaged."""
+PACKING = 0.84
+"""Packing fraction of the bed that grains will form."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +58,8 @@ class Bed:
     diameter: float  # mean, of discs of the same area [m]
     mass: float  # mean [kg]
     least_mass: float  # that a contact may have to move, levers included [kg]
-    depth: float  # of the pile, in grains
+    depth: float  # of the pile, in grains: most weight that lies on a grain, over its own
+    load: float  # most mass that lies on a grain [kg]
     gravity: float  # [m/s2]
     speed: float  # fastest grain at the start, or wall [m/s]
     longest_step: float = math.inf  # that the effects allow [s]
@@ -58,41 +67,52 @@ class Bed:
 
 
 def bed_of(pack: Pack, gravity: tuple[float, float], size: tuple[float, float], wall_speed: float = 0.0) -> Bed:
-    """Bed that the grains of `pack` will form where they fall straight down, at packing fraction 0.84.
+    """Bed that the grains of `pack` will form where they fall straight down.
 
-    Its depth is that of the deepest window of WINDOW diameters across, counting only the parts of it that hold grains: a slender
-    column is as deep as it has grains, a loose lattice as deep as it will be when it has settled. `size` [m] is that of the box,
-    `wall_speed` [m/s] that of the fastest wall.
+    `size` [m] is that of the box, `wall_speed` [m/s] that of the fastest wall.
     """
     if not len(pack.radius):
-        return Bed(1.0, 1.0, 1.0, 1.0, float(np.hypot(*gravity)), wall_speed)
+        return Bed(1.0, 1.0, 1.0, 1.0, 1.0, float(np.hypot(*gravity)), wall_speed)
     free = ~pack.fixed if (~pack.fixed).any() else np.ones_like(pack.fixed)
     radius, mass = pack.size[free], pack.mass[free]
     diameter = 2 * float(radius.mean())
     speed = max(wall_speed, float(np.hypot(*pack.velocity.T).max()))
-    depth = depth_of(pack.position[free], radius, gravity)
+    least = float((mass / pack.lightness[free]).min())
+    depth, load = depth_of(pack.position[free], radius, mass, gravity)
     down = np.array(gravity) / max(float(np.hypot(*gravity)), 1e-12)
     drop = float(np.maximum(down * np.array(size), 0.0).sum() - (pack.position[free] @ down).min())
-    return Bed(
-        diameter,
-        float(mass.mean()),
-        float((mass / pack.lightness[free]).min()),
-        depth,
-        float(np.hypot(*gravity)),
-        speed,
-        drop=max(drop, 0.0),
-    )
+    return Bed(diameter, float(mass.mean()), least, depth, load, float(np.hypot(*gravity)), speed, drop=max(drop, 0.0))
 
 
-def depth_of(position: np.ndarray, radius: np.ndarray, gravity: tuple[float, float]) -> float:
-    """Depth, in grains, of the bed that grains at `position`, shape (n, 2), will form: see `bed_of`."""
-    diameter = 2 * float(radius.mean())
-    across = position[:, 0 if abs(gravity[1]) >= abs(gravity[0]) else 1]
+def depth_of(position: np.ndarray, radius: np.ndarray, mass: np.ndarray, gravity: tuple[float, float]) -> tuple[float, float]:
+    """Most weight that lies on a grain of the bed, over its own, and most mass that does [kg].
+
+    Grains at `position`, shape (n, 2), of the areas of discs of `radius` [m], fall straight down to the packing fraction PACKING. The
+    bed is looked at through windows of WINDOW diameters, counting only the parts of one that hold grains: a slender column is as deep
+    as it has grains, a loose lattice as deep as it will be when it has settled. What lies on light grains is all that starts above
+    the lowest of them: what falls between them later is found by the next look.
+    """
+    diameter, area = 2 * float(radius.mean()), math.pi * radius**2
+    axis = 1 if abs(gravity[1]) >= abs(gravity[0]) else 0
+    across, height = position[:, 1 - axis], -math.copysign(1.0, gravity[axis]) * position[:, axis]
     column = np.floor((across - across.min()) / diameter).astype(int)
-    area = np.bincount(column, math.pi * radius**2)
-    ones = np.ones(min(WINDOW, len(area)))
-    deepest = float((np.convolve(area, ones, "valid") / np.maximum(np.convolve(area > 0, ones, "valid"), 1)).max())
-    return max(deepest / (0.84 * diameter) / diameter, 1.0)
+    columns = column.max() + 1
+    ones = np.ones(min(WINDOW, columns))
+    held = np.maximum(np.convolve(np.bincount(column, minlength=columns) > 0, ones, "valid"), 1)
+    density = mass / area
+    octave = np.floor(np.log2(density / density.min()) + 1e-3)
+    depth, heaviest = 1.0, 0.0
+    for kind in np.unique(octave):
+        floor = np.full(columns, np.inf)
+        np.minimum.at(floor, column[octave == kind], height[octave == kind])
+        reach = np.pad(floor, WINDOW, constant_values=np.inf)
+        floor = np.lib.stride_tricks.sliding_window_view(reach, 2 * WINDOW + 1).min(axis=1)
+        above = np.bincount(column, mass * (height >= floor[column]), columns)
+        load = float((np.convolve(above, ones, "valid") / held).max())
+        depth = max(depth, load / (PACKING * diameter**2 * float(density[octave == kind].min())))
+        heaviest = max(heaviest, load)
+    whole = heaviest / (PACKING * diameter**2) * float(area.sum() / mass.sum()) * float(mass.mean())
+    return depth, max(whole, float(mass.mean()))
 
 
 def collision_restitution(zeta: float) -> float:
@@ -149,7 +169,7 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     solver = scene.solver
     alpha, beta = {"linear": (0.0, 1.0), "hertz": (0.25, 1.5)}.get(solver.law, (solver.alpha, solver.beta))
     overlap = solver.tolerance * bed.diameter
-    rest = MD_CHAINS * bed.depth * bed.mass * bed.gravity / overlap
+    rest = MD_CHAINS * bed.load * bed.gravity / overlap
     impact = 0.5 * bed.mass * (bed.speed / (math.sqrt(solver.tolerance) * bed.diameter)) ** 2
     stiffness = solver.stiffness or max(rest, impact) or 1e4 * bed.mass
     k_r = solver.k_r if solver.k_r is not None else stiffness * overlap ** (1 - beta)
@@ -170,6 +190,7 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
         )
     _check_step(scene, "step", step, bed)
     cap = 0.5 * bed.diameter * math.pi / contact_time
+    unit = math.sqrt((bed.gravity or EARTH) * bed.diameter)
     return {
         "step": step,
         "stiffness": k_r,
@@ -177,6 +198,8 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
         "alpha": alpha,
         "beta": beta,
         "speed_cap": cap,
+        "deep": max(YIELD * unit * math.sqrt(beta) * contact_time / math.pi, (MD_CHAINS * bed.load * bed.gravity / k_r) ** (1 / beta)),
+        "growth": GROW * unit,
     }
 
 

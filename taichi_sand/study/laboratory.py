@@ -67,15 +67,17 @@ def fresh_taichi() -> None:
 def simulate(discs: Sequence[Disc] | list[dict[str, Any]], size: Sequence[float], solver: dict[str, Any], **keys: Any) -> Any:
     """A Simulation of `discs` (or of grains tables) in a box of `size`; without gravity unless `keys` names it. f64 by default.
 
-    `mu` and `friction` are short for effects.friction.mu and further keys of that table; `threads` is 1 unless given.
+    `mu` and `friction` are short for effects.friction.mu and further keys of that table; `threads` is 1 unless given; with `hand`
+    there is a hand to reach in.
     """
     grains = tables(discs) if discs and isinstance(discs[0], Disc) else list(discs)
     mu, friction, threads = keys.pop("mu", None), keys.pop("friction", {}), keys.pop("threads", 1)
+    hand = keys.pop("hand", False)
     effects = {"friction": {"mu": mu, **friction}} if mu is not None else {}
     settings = {"precision": 64, **solver}
     fresh_taichi()
     scene = sand.Scene(size=list(size), grains=grains, solver=settings, **{"gravity": (0.0, 0.0), "effects": effects, **keys})
-    return sand.Simulation(scene, arch="cpu", threads=threads)
+    return sand.Simulation(scene, arch="cpu", threads=threads, hand=hand)
 
 
 def unit(degrees: float) -> np.ndarray:

@@ -4,16 +4,24 @@ A case is a function that builds worlds and yields gates: what was measured, and
 use, so that the same case tries both solvers at several tolerances.
 """
 
+import math
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.table import Table
 
+from taichi_sand.study.laboratory import D, G, R, simulate
+from taichi_sand.world import device
+
 TOLERANCES = (0.05, 0.02, 0.01)
 SOLVERS = ("md", "rigid")
+DOWN = (0.0, -G)
+UNIT = math.sqrt(G * D)
+"""Speed sqrt(g d) of discs of 1 cm [m/s]."""
 EXPLOSION = 1e3
 """Measured value of a gate that could not be measured, as numbers in it are not finite."""
 
@@ -85,22 +93,39 @@ def case(name: str, setup: str, quick: bool = True) -> Callable:
 
 def rows(only: str, solvers: Iterable[str], tolerances: Iterable[float], quick: bool = False) -> list[tuple[Case, str, float]]:
     """All (case, solver, tolerance) to run: those cases whose name holds `only`."""
-    from taichi_sand.study import hard_cases  # noqa: F401 - enters the cases
+    from taichi_sand.study import hard_changes, hard_contacts, hard_piles  # noqa: F401 - they enter the cases
 
     chosen = [c for c in CASES.values() if only in c.name and (c.quick or not quick)]
     return [(c, solver, tolerance) for c in chosen for solver in solvers for tolerance in tolerances]
 
 
-def run(one: Case, solver: str, tolerance: float) -> Row:
-    """Runs a case; what it raises fails it."""
+def run(one: Case, solver: str, tolerance: float, film: Path | None = None) -> Row:
+    """Runs a case; what it raises fails it. With `film` there is a picture of its end in that folder."""
     row = Row(one.name, one.setup, solver, tolerance)
     start = time.perf_counter()
     try:
-        row.gates = list(one.run({"kind": solver, "tolerance": tolerance, "restitution": 0.1, "precision": 32}))
+        for gate in one.run({"kind": solver, "tolerance": tolerance, "restitution": 0.1, "precision": 32}):
+            row.gates.append(gate)
+            if film:
+                picture(film / f"{one.name}-{solver}-{tolerance:g}.png")
     except Exception as error:  # whatever happens, the other cases are to be run
         row.error = f"{type(error).__name__}: {error}"
     row.wall_s = time.perf_counter() - start
     return row
+
+
+def picture(path: Path) -> None:
+    """Writes what the simulation at hand looks like, once at any moment of it."""
+    from PIL import Image
+
+    for sim in list(device.alive):
+        if pictured.get(path) != (id(sim), sim.steps):
+            Image.fromarray(sim.image()).save(path)
+            pictured[path] = (id(sim), sim.steps)
+
+
+pictured: dict[Path, tuple[int, int]] = {}
+"""By file: the simulation, and how many steps it had done."""
 
 
 def as_table(done: list[Row]) -> Table:
@@ -124,7 +149,7 @@ class Watch:
     """
 
     def __init__(self, sim: Any, drop: float, speed: float = 0.0) -> None:
-        self.sim, self.grains = sim, sim.count
+        self.sim, self.grains, self.drop = sim, sim.count, drop
         gravity = float(np.hypot(*sim.scene.gravity))
         self.fastest = 1.1 * (np.sqrt(2 * gravity * drop) + speed)
         self.first = sim.report()
@@ -146,13 +171,18 @@ class Watch:
             self.sim.advance(every)
             self.look(self.sim.report())
 
-    def bounded(self) -> Iterator[Gate]:
-        """Finite, nobody lost, no speed and no energy out of nothing."""
+    def bounded(self, parting: bool = False) -> Iterator[Gate]:
+        """Finite, nobody lost, no speed and no energy out of nothing; of grains that start in one another (`parting`) the energy may
+        rise, as they have to be lifted off one another: by no more than their weight times d.
+        """
         finite = all(np.isfinite(values).all() for values in (self.sim.positions, self.sim.velocities, self.sim.spins))
         yield Gate("numbers that are not finite", 0.0 if finite else EXPLOSION, 0.0)
         yield Gate("grains lost", self.grains - inside(self.sim), 0.0)
         yield Gate("top speed / possible", self.top_speed / self.fastest, 1.0)
-        yield Gate("energy out of nothing / m g H", self.top_energy / self.weight if self.weight else 0.0, 1e-3)
+        if parting:
+            yield Gate("energy of parting / m g d a grain", self.top_energy / (self.weight / self.drop * self.sim.bed.diameter), 1.0)
+        else:
+            yield Gate("energy out of nothing / m g H", self.top_energy / self.weight if self.weight else 0.0, 1e-3)
 
     def resting(self, tolerance: float) -> Iterator[Gate]:
         """Overlap within the tolerance, and still."""
@@ -165,3 +195,14 @@ def inside(sim: Any) -> int:
     """Grains whose centre lies in the box."""
     at = sim.positions
     return int(((at >= 0) & (at <= np.array(sim.scene.size))).all(1).sum())
+
+
+def poured(count: int, width: float, height: float, solver: dict[str, Any], **keys: Any) -> Any:
+    """`count` discs of 8 to 12 mm, loosely placed, about to fall."""
+    grains = [{"radius": [0.8 * R, 1.2 * R], "count": count, "fill": "lattice", "pitch": 1.3, "jitter": 0.2}]
+    return simulate(grains, (width, height), solver, gravity=keys.pop("gravity", DOWN), mu=keys.pop("mu", 0.5), **keys)
+
+
+def rms_speed(sim: Any) -> float:
+    """Of all grains, over sqrt(g d) of discs of 1 cm."""
+    return float(np.sqrt((sim.velocities**2).sum(1).mean())) / UNIT

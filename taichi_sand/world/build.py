@@ -136,6 +136,7 @@ def make_world(
         wall_base=wall_base,
         wall_half=wall_half,
         sleeps=sleeps,
+        yields=scene.solver.kind == "md",
         naps=allocate_naps(real, capacity, sites) if sleeps else None,
         turns=turns or pack.clumps,
         clumps=pack.clumps,

@@ -9,7 +9,7 @@ import numpy as np
 import taichi as ti
 
 from taichi_sand.world.carried import start_anew
-from taichi_sand.world.geometry import movable, position
+from taichi_sand.world.geometry import mobility, movable, position
 from taichi_sand.world.rest import wake
 from taichi_sand.world.tables import World
 
@@ -64,6 +64,7 @@ def read_places(w: ti.template(), numbers: ti.types.ndarray(), whole: ti.types.n
     for i in range(w.count[None]):
         p = position(w, i)
         numbers[i, 0], numbers[i, 1], numbers[i, 2] = p.x, p.y, w.grains.radius[i]
+        numbers[i, 3] = mobility(w, i).x
         whole[i, 0], whole[i, 1] = w.grains.id[i], w.grains.kind[i]
         whole[i, 2] = ti.cast(movable(w, i) == 0.0, ti.i32)
 
@@ -74,9 +75,9 @@ def real_of(world: World) -> Any:
 
 
 def places(world: World) -> tuple[np.ndarray, np.ndarray]:
-    """By slot: x, y, radius [m] (n, 3), within the box where it is periodic; id, kind, whether it is fixed (n, 3) int32."""
+    """By slot: x, y, radius [m], 1/mass [1/kg] (n, 4), within the box where it is periodic; id, kind, whether it is fixed (n, 3) int32."""
     count = world.count[None]
-    numbers, whole = np.zeros((max(count, 1), 3), real_of(world)), np.zeros((max(count, 1), 3), np.int32)
+    numbers, whole = np.zeros((max(count, 1), 4), real_of(world)), np.zeros((max(count, 1), 3), np.int32)
     read_places(world, numbers, whole)
     numbers = numbers[:count].astype(float)
     for k, wraps in enumerate(world.periodic):

@@ -1,15 +1,17 @@
 """What went wrong on the device, counted there and told in sentences."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import taichi as ti
 
-NOT_FINITE, TOO_FAST, ESCAPED, PAIRS_FULL, WALL_PAIRS_FULL, WALL_WAITS, SOURCE_FULL = range(7)
+NOT_FINITE, TOO_FAST, ESCAPED, PAIRS_FULL, WALL_PAIRS_FULL, WALL_WAITS, SOURCE_FULL, NOWHERE = range(8)
 NONE = 2**31 - 1
 
 SENTENCES = {
-    NOT_FINITE: "{count} times a grain's motion was no longer a number; first grain {grain} at {time:.4g} s: it was stopped. "
+    NOT_FINITE: "{count} times the motion of a grain, or a force on it, was no longer a number; first grain {grain} at {time:.4g} s: "
+    "it was stopped. "
     "Take a smaller step or a softer contact.",
     TOO_FAST: "{count} times a grain was too fast to follow and was slowed to {cap:.3g} m/s; first grain {grain} at {time:.4g} s. "
     "A smaller step or tolerance raises the cap.",
@@ -22,6 +24,7 @@ SENTENCES = {
     "that it pushes with at most, or less speed.",
     SOURCE_FULL: "{count} times a source found the table of grains full, first at {time:.4g} s, and made none: there is room for what the "
     "sources make within the scene's `duration`. A longer one gives more.",
+    NOWHERE: "{count} grains were taken out, as their place was no longer a number; first grain {grain} at {time:.4g} s.",
 }
 
 
@@ -52,11 +55,11 @@ def raise_flag(world: Any, kind: int, number: int) -> None:
     world.flags.from_numpy(rows)
 
 
-def sentences(flags: Any, step: float, cap: float) -> list[str]:
-    """One sentence for each kind of flag raised; `step` [s] turns steps into times, `cap` is the speed cap [m/s]."""
+def sentences(flags: Any, time_of: Callable[[int], float], cap: float) -> list[str]:
+    """One sentence for each kind of flag raised; `time_of` turns numbers of steps into times [s], `cap` is the speed cap [m/s]."""
     rows = flags.to_numpy()
     return [
-        text.format(count=rows[kind, 0], grain=rows[kind, 2], time=rows[kind, 1] * step, cap=cap)
+        text.format(count=rows[kind, 0], grain=rows[kind, 2], time=time_of(int(rows[kind, 1])), cap=cap)
         for kind, text in SENTENCES.items()
         if rows[kind, 0]
     ]

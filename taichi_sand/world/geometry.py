@@ -145,6 +145,20 @@ def wall_row(w: ti.template(), p):
 
 
 @ti.func
+def radii(w: ti.template(), p, wall: ti.template()):
+    """Sum of the radii of the discs of pair p, of a wall pair that of its disc [m], however far its contact has yet to grow."""
+    total = w.pairs.contact_distance[p]
+    if ti.static(w.yields):
+        if ti.static(w.clumps):
+            total = w.pairs.rims[p].x + w.pairs.rims[p].y
+        else:
+            total = w.grains.radius[w.pairs.first[p]]
+            if ti.static(not wall):
+                total += w.grains.radius[w.pairs.second[p]]
+    return total
+
+
+@ti.func
 def moved(w: ti.template(), p, i, second: ti.template()):
     """Shift of grain i of pair p since the search; of a clump plus the arm of its disc."""
     shift = w.grains.shift[i]

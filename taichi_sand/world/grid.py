@@ -9,7 +9,7 @@ import taichi as ti
 
 from taichi_sand.world.carried import sort_along
 from taichi_sand.world.clumps import head
-from taichi_sand.world.flags import ESCAPED, flag
+from taichi_sand.world.flags import ESCAPED, NOWHERE, flag
 from taichi_sand.world.geometry import position, present, velocity
 from taichi_sand.world.sinks import drain
 from taichi_sand.world.tables import STRIPS
@@ -69,7 +69,7 @@ def anchor(w: ti.template(), i):
 def outside(w: ti.template(), i):
     """1 if grain i has wholly left through an open edge, is in a sink, or was taken out.
 
-    One found behind a closed edge is put back and flagged.
+    One found behind a closed edge is put back and flagged, one whose place is no number is taken out and flagged.
     """
     g = ti.static(w.grains)
     box = w.box[None]
@@ -77,6 +77,9 @@ def outside(w: ti.template(), i):
     if ti.static(w.flows):
         drain(w, i, p)
     left = ti.cast(g.id[i] < 0, ti.i32)
+    if not (p.dot(p) >= 0.0):
+        left = 1
+        flag(w, NOWHERE, g.id[i])
     for k in ti.static(range(2)):
         if ti.static(not w.periodic[k]):
             for end in ti.static(range(2)):

@@ -3,7 +3,10 @@
 import taichi as ti
 
 from taichi_sand.world.clumps import MOST
-from taichi_sand.world.geometry import wall_row
+from taichi_sand.world.geometry import at_most, wall_row
+
+WEAK = 0.1
+"""Dashpot of a contact that has yet to grow into place, over that of another one."""
 
 
 @ti.func
@@ -24,15 +27,17 @@ def remember(w: ti.template(), row, i, j):
         discs = discs % MOST * MOST + discs // MOST
         old = recall(w, w.pairs.row_start, w.pairs.row_count, w.grid.source[j], w.grid.source[i], discs, w.lanes)
     carry(w, row, old)
+    yield_deep(w, row, old, w.pairs.gap[row])
 
 
 @ti.func
 def remember_wall(w: ti.template(), row, i, part, two_sided):
-    """The same for a pair with a wall; a grain also remembers on which side of a line it was."""
+    """The same for a pair with a wall; a grain also remembers on which side of a line it was. Returns the row it was in, or -1."""
     old = recall(w, w.pairs.wall_row_start, w.pairs.wall_row_count, w.grid.source[i], part, discs_of(w, row), 1)
     if old >= 0 and two_sided:
         w.pairs.side[wall_row(w, row)] = w.pairs.side[wall_row(w, old)]
     carry(w, row, old)
+    return old
 
 
 @ti.func
@@ -55,3 +60,23 @@ def carry(w: ti.template(), row, old):
     """Copies the memory of row `old` to `row`; zeros if old < 0."""
     for column in ti.static(w.pairs.memory):
         column[row] = column[old] if old >= 0 else ti.zero(column[row])
+
+
+@ti.func
+def yield_deep(w: ti.template(), row, old, gap):
+    """Parts gently what did not come where it is by itself: pairs that are deep in one another when they are first listed.
+
+    Every pair is listed before it touches, so these have been put there. A soft contact would throw them apart with all the energy of
+    their overlap. They touch where they are instead, and that distance grows to the sum of the radii while they part (physics.md C6).
+    A grain in a heap of these has many contacts at once: their dashpots are weak, as the step is made for those of six.
+    `gap` is that of the surfaces as they are.
+    """
+    if ti.static(w.yields):
+        pairs, pace = ti.static(w.pairs, w.pace)
+        short = -gap if -gap > pace[None].deep else 0.0
+        if old >= 0:
+            short = at_most(-gap, pairs.contact_distance[row] - pairs.contact_distance[old] - pace[None].grown)
+        if short > 0.0:
+            pairs.contact_distance[row] -= short
+            pairs.root_mass[row] *= WEAK
+            pace[None].short = 1

@@ -1,5 +1,7 @@
 """How grains move: the kick (velocities), the guard (no speed that cannot be followed) and the drift (positions)."""
 
+from typing import Any
+
 import taichi as ti
 
 from taichi_sand.world.clumps import head, off_arc, span
@@ -8,6 +10,10 @@ from taichi_sand.world.geometry import add, at_least, spin, velocity
 from taichi_sand.world.links import pull_of
 from taichi_sand.world.movers import close_walls
 
+LARGEST_SQUARE = 1e36
+"""32 bits hold no more than 3e38."""
+GROWTH_STEPS = 8
+"""Steps between two searches while pairs that were found deep in one another grow into place: a search is what makes them grow."""
 FASTEST_SURFACE = 4.0
 """No surface turns faster than this times the speed cap: between physical limits never met, it keeps what is not physical finite."""
 
@@ -41,16 +47,39 @@ def fastest_spin(w: ti.template()):
     return 2.0 * FASTEST_SURFACE * w.pace[None].speed_cap / w.box[None].diameter
 
 
+def pushes(solver: Any) -> bool:
+    """Whether any effect is a force on grains."""
+    return any(hasattr(effect, "body") for effect in solver.effects)
+
+
 @ti.func
 def with_body(w: ti.template(), s: ti.template(), c: ti.template(), i, load, time: ti.template()):
     """`load` on grain i and what the effects add to it as a body force (x, y, torque, 0) [N, N, N m], or by links, times `time`."""
     total = load
     if ti.static(w.linked):
         total += time * pull_of(w, i)
-    for effect in ti.static(s.effects):
-        if ti.static(hasattr(effect, "body")):
-            total += time * effect.body(w, c, i)
+    if ti.static(pushes(s)):
+        push = ti.Vector([0.0, 0.0, 0.0, 0.0])
+        for effect in ti.static(s.effects):
+            if ti.static(hasattr(effect, "body")):
+                push += effect.body(w, c, i)
+        total += time * followed(w, i, push)
     return total
+
+
+@ti.func
+def followed(w: ti.template(), i, push):
+    """The part of a body force on grain i that a step can follow: none if it is no number, as much as makes the speed cap in one step."""
+    change = push * w.grains.mobility[i] * w.pace[None].step
+    square, turn, cap = change.xy.dot(change.xy), ti.abs(change.z), w.pace[None].speed_cap
+    part = push
+    if not (square < LARGEST_SQUARE) or not (turn < LARGEST_SQUARE):
+        part = ti.Vector([0.0, 0.0, 0.0, 0.0])
+        flag(w, NOT_FINITE, w.grains.id[i])
+    elif square > cap * cap:
+        part *= cap / ti.sqrt(square)
+        flag(w, TOO_FAST, w.grains.id[i])
+    return part
 
 
 @ti.func
@@ -99,5 +128,7 @@ def close_step(w: ti.template()):
         pace[None].since += 1
         pace[None].done += 1
         late = ti.cast(pace[None].since + 1, w.real) * pace[None].step > pace[None].horizon
+        if ti.static(w.yields):
+            late = late or (pace[None].short == 1 and pace[None].since >= GROWTH_STEPS)
         if late or 4.0 * pace[None].off_path > pace[None].skin * pace[None].skin:
             pace[None].spent = 1

@@ -60,7 +60,8 @@ def foresee(w: ti.template()):
             pushing = start_walls(w)
             fastest += pushing.x * pace.step
     pace.horizon = ti.min(slack / (approach + 1e-20), 2.0 * MOST_SLACK * d / (fastest + 1e-20)) * pace.step
-    pace.since, pace.off_path, pace.spent = 0, 0.0, 0
+    pace.grown = ti.cast(pace.since, w.real) * pace.step * pace.growth
+    pace.since, pace.off_path, pace.spent, pace.short = 0, 0.0, 0, 0
     pace.searches += 1
     pace.impacts = 1
     pace.half = 1 - pace.half

@@ -85,7 +85,7 @@ def draw(scene: Any, world: World, source: Any, due: int, rng: np.random.Generat
     position = low + rng.uniform(0, 1, (tries, 2)) * (high - low)
     places, _ = census.places(world)
     widest = reach.max(initial=0.0)
-    near = ((places[:, :2] > low.min(0) - widest - places[:, 2:]) & (places[:, :2] < high.max(0) + widest + places[:, 2:])).all(axis=1)
+    near = ((places[:, :2] > low.min(0) - widest - places[:, 2:3]) & (places[:, :2] < high.max(0) + widest + places[:, 2:3])).all(axis=1)
     taken = Taken(segments(standing_walls(world, scene)), places[near, :2], places[near, 2])
     chosen: list[int] = []
     for k in np.flatnonzero(taken.free(position, reach)):

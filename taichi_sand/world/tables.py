@@ -59,7 +59,7 @@ class Pairs(NamedTuple):
     first: Any  # slot of the first grain, i32
     second: Any  # slot of the second grain; of a wall pair the number of the wall part, i32
     reach: Any  # from the first grain's centre to the second's (to a point of the wall) at the last search [m], 2-vector
-    contact_distance: Any  # sum of the radii [m]
+    contact_distance: Any  # sum of the radii; less by what a pair that was found deep in one another has yet to grow [m]
     normal: Any  # unit 2-vector from first to second, of the last step in which the pair was looked at
     gap: Any  # distance of the surfaces [m], < 0 in contact, of the same moment
     mass: Any  # effective mass along the normal [kg]
@@ -119,6 +119,7 @@ class World:
     turns: bool  # whether anything can turn a grain
     sleeps: bool  # whether grains may sleep
     naps: Any  # world.naps.Naps, or None if they may not
+    yields: bool  # whether pairs found deep in one another are parted gently by the world (md; rigid does it itself)
     clumps: bool  # whether a grain may be anything but a disc
     shapes: Any  # world.clumps.Shapes, or None without clumps
     carried: tuple  # columns of numbers that grains carry for effects, by name: world.carried
@@ -147,6 +148,10 @@ def pace_type(real: Any) -> Any:
         searches=ti.i32,  # searches since the start
         step=real,  # h [s]
         speed_cap=real,  # [m/s]
+        deep=real,  # md: a pair found at a larger overlap has not come there by itself [m] (world.memory.yield_deep)
+        growth=real,  # md: how fast the surfaces of such a pair grow to where they are [m/s]
+        grown=real,  # md: how far they have since the search before [m]
+        short=ti.i32,  # md: 1 = some pair has not grown so far yet
     )
 
 

@@ -15,7 +15,7 @@ from taichi_sand.world.geometry import (
     wall_row,
     weigh_clumps,
 )
-from taichi_sand.world.memory import remember_wall
+from taichi_sand.world.memory import remember_wall, yield_deep
 
 
 @ti.func
@@ -124,8 +124,9 @@ def write_wall_row(w: ti.template(), row, i, a, part, reach, arm, along, bounds,
     elif kind == 0:
         side = -1.0 if along.cross(reach) > 0.0 else 1.0
     pairs.side[k] = side
-    remember_wall(w, row, i, part, kind == 0)
+    old = remember_wall(w, row, i, part, kind == 0)
     distance, normal = distance_to_second(w, row, i, True)
     pairs.normal[row], pairs.gap[row] = normal, distance - pairs.contact_distance[row]
     if ti.static(w.clumps):
         weigh_clumps(w, row, i, i, True)
+    yield_deep(w, row, old, pairs.gap[row])

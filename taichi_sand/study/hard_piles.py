@@ -1,0 +1,162 @@
+"""Hard cases of `taichi-sand stress`: what must stand, and stand still (physics.md C). Discs of 1 cm unless said otherwise."""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+import taichi_sand as sand
+from taichi_sand.study.laboratory import D, Disc, G, M, R, chain_forces, simulate
+from taichi_sand.study.stress import DOWN, UNIT, Gate, Watch, case, poured
+
+
+def column_of(count: int, solver: dict[str, Any], settle: float) -> Iterator[Gate]:
+    """An exactly vertical column of touching discs."""
+    discs = [Disc(0.1, R + k * D) for k in range(count)]
+    sim = simulate(list(reversed(discs)), (0.2, (count + 2) * D), solver, gravity=DOWN, mu=0.5)
+    watch = Watch(sim, drop=count * D)
+    watch.run(settle, every=settle / 20)
+    yield from watch.bounded()
+    yield Gate("sideways / d", float(np.abs(sim.positions[:, 0] - 0.1).max()) / D, 1e-6)
+    yield Gate("overlap max / tolerance", watch.last["overlap_max"] / solver["tolerance"], 1.0)
+    carried = chain_forces(sim, count)
+    yield Gate("force / weight above - 1", float(np.abs(carried / (M * G * np.arange(1, count + 1)) - 1).max()), 0.01)
+
+
+@case("column", "10 discs exactly above one another (C1, A13)")
+def column(solver: dict[str, Any]) -> Iterator[Gate]:
+    """C1."""
+    yield from column_of(10, {**solver, "precision": 64}, 3.0)
+
+
+@case("tall-column", "100 discs exactly above one another, 60 s (C1)", quick=False)
+def tall_column(solver: dict[str, Any]) -> Iterator[Gate]:
+    """C1."""
+    yield from column_of(100, {**solver, "precision": 64}, 60.0)
+
+
+@case("tower", "1000 discs exactly above one another: bounded, if not at rest (C1)", quick=False)
+def tower(solver: dict[str, Any]) -> Iterator[Gate]:
+    """C1."""
+    discs = [Disc(0.1, R + k * D) for k in range(1000)]
+    watch = Watch(simulate(discs, (0.2, 1010 * D), solver, gravity=DOWN, mu=0.5), drop=1000 * D)
+    watch.run(1.0, every=0.1)
+    yield from watch.bounded()
+
+
+@case("heavy-on-light", "a disc 1000 times as heavy falls on three that fill the floor (C3)")
+def heavy_on_light(solver: dict[str, Any]) -> Iterator[Gate]:
+    """C3."""
+    light = [Disc(R + k * D, R) for k in (0, 1, 2)]
+    heavy = Disc(1.5 * D, R + 2 * D, radius=1.5 * R, density=1000 * M / (math.pi * (1.5 * R) ** 2))
+    sim = simulate([*light, heavy], (3 * D, 8 * D), solver, gravity=DOWN, mu=0.5)
+    watch = Watch(sim, drop=3 * D)
+    watch.run(3.0)
+    yield from watch.bounded()
+    yield Gate("overlap max / d", watch.last["overlap_max"], 0.1)
+    yield Gate("speed max / sqrt(g d)", watch.last["speed_max_m_s"] / UNIT, 1e-3)
+
+
+@case("rest", "a pile of 2000 discs, 60 s at rest (C15)", quick=False)
+def rest(solver: dict[str, Any]) -> Iterator[Gate]:
+    """C15."""
+    sim = poured(2000, 0.7, 0.8, solver)
+    watch = Watch(sim, drop=0.8)
+    watch.run(4.0)
+    before = sim.positions
+    watch.run(60.0, every=1.0)
+    yield from watch.bounded()
+    yield from watch.resting(solver["tolerance"])
+    yield Gate("drift in 60 s / d", float(np.hypot(*(sim.positions - before).T).max()) / D, 0.01)
+
+
+@case("gapped-column", "10 discs above one another, 0.1 d apart, fall and stand (C1)")
+def gapped_column(solver: dict[str, Any]) -> Iterator[Gate]:
+    """C1."""
+    discs = [Disc(0.1, R + 1.1 * k * D) for k in range(10)]
+    sim = simulate(discs, (0.2, 13 * D), {**solver, "precision": 64}, gravity=DOWN, mu=0.5)
+    watch = Watch(sim, drop=11 * D)
+    watch.run(3.0)
+    yield from watch.bounded()
+    yield from watch.resting(solver["tolerance"])
+    yield Gate("sideways / d", float(np.abs(sim.positions[:, 0] - 0.1).max()) / D, 1e-6)
+
+
+@case("light-to-heavy", "a column of five discs, each five times as heavy as the one below (C3)")
+def light_to_heavy(solver: dict[str, Any]) -> Iterator[Gate]:
+    """C3."""
+    density = M / (math.pi * R**2)
+    discs = [Disc(0.75 * D, R + k * D, density=density * 5**k) for k in range(5)]
+    sim = simulate(discs, (1.5 * D, 7 * D), {**solver, "precision": 64}, gravity=DOWN, mu=0.5)
+    watch = Watch(sim, drop=5 * D)
+    watch.run(3.0)
+    yield from watch.bounded()
+    yield Gate("overlap max / d", watch.last["overlap_max"], 0.1)
+    yield Gate("speed max / sqrt(g d)", watch.last["speed_max_m_s"] / UNIT, 1e-3)
+
+
+def squares(base: int, size: tuple[float, float], solver: dict[str, Any]) -> Any:
+    """A pyramid of squares of four discs, `base` of them in the lowest row."""
+    side = 4 * R
+    rows = [[size[0] / 2 + (k - 0.5 * (base - 1 - row)) * side, side * (row + 0.5)] for row in range(base) for k in range(base - row)]
+    return simulate([{"shape": "square", "radius": R, "positions": rows}], size, solver, gravity=DOWN, mu=0.6)
+
+
+@case("pyramid", "a pyramid of squares of four discs, 6 in the lowest row (C2)")
+def pyramid(solver: dict[str, Any]) -> Iterator[Gate]:
+    """C2."""
+    yield from stands(squares(6, (0.2, 0.14), solver), solver, 4 * R * 6, 4.0)
+
+
+@case("large-pyramid", "a pyramid of squares of four discs, 20 in the lowest row, 60 s (C2)", quick=False)
+def large_pyramid(solver: dict[str, Any]) -> Iterator[Gate]:
+    """C2."""
+    yield from stands(squares(20, (0.5, 0.44), solver), solver, 4 * R * 20, 60.0)
+
+
+def stands(sim: Any, solver: dict[str, Any], height: float, seconds: float) -> Iterator[Gate]:
+    """What was built with care sinks by no more than 0.5 % of its height, and what its overlaps take."""
+    before = sim.positions
+    watch = Watch(sim, drop=height)
+    watch.run(seconds, every=seconds / 60)
+    yield from watch.bounded()
+    yield from watch.resting(solver["tolerance"])
+    sunk = before[:, 1].max() - sim.positions[np.argmax(before[:, 1]), 1]
+    layers = height / (2 * sim.bed.diameter)
+    yield Gate("top sank / (0.5 % H + overlaps)", float(sunk / (0.005 * height + layers * solver["tolerance"] * sim.bed.diameter)), 1.0)
+
+
+@case("arch", "an arch of 17 wedges of four discs each, mu = 0.6 (C13)")
+def arch(solver: dict[str, Any]) -> Iterator[Gate]:
+    """C13: discs whose radii grow with the distance from the middle touch the joints of the wedges; the ends stand on the floor."""
+    inner, wedge = 0.1, math.pi / 17
+    rim = math.sin(wedge / 2)
+    discs = [[1.0 + 0.1 * k, 0.0, (1.0 + 0.1 * k) * rim] for k in range(4)]
+    form = sand.Scene(size=[1, 1], shapes=[{"name": "wedge", "discs": discs}]).form("wedge")
+    centre = 1.0 - form.discs[0, 0] * form.reach
+    rows = []
+    for k in range(17):
+        angle = (k + 0.5) * wedge
+        place = inner * centre * np.array([math.cos(angle), math.sin(angle)])
+        rows.append([0.16 + place[0], place[1], inner, 0.0, 0.0, angle])
+    grains = [{"shape": "wedge", "positions": rows}]
+    sim = simulate(grains, (0.32, 0.2), solver, gravity=DOWN, mu=0.6, shapes=[{"name": "wedge", "discs": discs}])
+    yield from stands(sim, solver, inner * 1.42, 4.0)
+
+
+@case("asleep", "a pile of 300 discs falls asleep, does not move a bit, and wakes when gravity turns (C15)")
+def asleep(solver: dict[str, Any]) -> Iterator[Gate]:
+    """C15."""
+    sim = poured(300, 0.3, 0.4, solver, effects={"friction": {"mu": 0.5}, "sleeping": {}})
+    watch = Watch(sim, drop=0.4)
+    watch.run(6.0, every=0.1)
+    before = sim.positions
+    yield Gate("share awake", 1 - watch.last["grains_asleep"] / 300, 0.02)
+    sim.advance(5.0)
+    yield Gate("drift in 5 s / d", float(np.abs(sim.positions - before).max()) / D, 0.0 if watch.last["grains_asleep"] == 300 else 1e-3)
+    sim.retune(sim.scene.model_copy(update={"gravity": (0.5 * G, -G)}))
+    sim.advance(0.5)
+    moved = float(np.abs(sim.positions - before).max()) / D
+    yield Gate("share of the weight's turn not felt", 1.0 - min(1.0, moved / 0.1), 0.0)
+    yield from watch.bounded()
