@@ -43,6 +43,8 @@ YIELD, GROW = 0.4, 0.15
 """Md: an overlap that would part two grains faster than YIELD sqrt(g d), that the weight of the bed does not explain, and that they were
 not seen to come to, is taken out by and by: they touch where they are, and their surfaces grow to the radii they have with GROW sqrt(g d)
 (physics.md C6)."""
+MEANT = 0.15
+"""Md: who gives the stiffness of contacts means what is pressed together at the start by less than this, in d (physics.md A12)."""
 EARTH = 9.81  # m/s2, where a scene has no gravity to measure speeds by
 
 WINDOW = 16
@@ -191,6 +193,8 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     _check_step(scene, "step", step, bed)
     cap = 0.5 * bed.diameter * math.pi / contact_time
     unit = math.sqrt((bed.gravity or EARTH) * bed.diameter)
+    meant = MEANT * bed.diameter if solver.stiffness or solver.k_r is not None else 0.0
+    borne = (MD_CHAINS * bed.load * bed.gravity / k_r) ** (1 / beta)
     return {
         "step": step,
         "stiffness": k_r,
@@ -198,7 +202,7 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
         "alpha": alpha,
         "beta": beta,
         "speed_cap": cap,
-        "deep": max(YIELD * unit * math.sqrt(beta) * contact_time / math.pi, (MD_CHAINS * bed.load * bed.gravity / k_r) ** (1 / beta)),
+        "deep": max(YIELD * unit * math.sqrt(beta) * contact_time / math.pi, borne, meant),
         "growth": GROW * unit,
     }
 

@@ -83,7 +83,6 @@ class Trial:
         constants[None].alpha, constants[None].beta = problem.alpha, problem.beta
         world.box[None].gravity = [0.0, -G_BOND if problem.bonded else 0.0]
         pace[None].spent, pace[None].done, pace[None].speed_cap, sim.steps = 1, 0, 10 * SPEED, 0
-        pace[None].deep = R  # those that start in the floor are to swing there
 
 
 def collision_time(problem: Problem) -> float:

@@ -82,10 +82,10 @@ def most_discs(pack: Pack) -> int:
     return max((len(form.discs) for form in pack.forms), default=1)
 
 
-def edges_of(scene: Any) -> tuple[tuple[bool, ...], tuple[bool, ...]]:
+def edges_of(scene: Any) -> dict[str, tuple[bool, ...]]:
     """Which axes of the box are periodic (x, y), and which edges are open (left, right, bottom, top)."""
     edges = [getattr(scene.edges, side) for side in SIDES]
-    return tuple(edges[k] == "periodic" for k in (0, 2)), tuple(edge == "open" for edge in edges)
+    return {"periodic": tuple(edges[k] == "periodic" for k in (0, 2)), "open_edges": tuple(edge == "open" for edge in edges)}
 
 
 def make_world(
@@ -110,7 +110,7 @@ def make_world(
     count, capacity = len(pack.radius), round_up(len(pack.radius) + room + 1)
     radius, size = (pack.radius, pack.size) if count else 2 * (np.array([0.01 * min(scene.size)]),)
     largest, diameter = 2 * float(radius.max()), 2 * float(size.mean())
-    (periodic, open_edges), moves = edges_of(scene), bool(moving_walls(scene))
+    moves = bool(moving_walls(scene))
     spacing, sites = lay_lattice(scene.size, diameter, capacity)
     least_cell, most_cells = plan_cells(scene.size, largest + reach * diameter, capacity)
     layout = "cells" if gpu else "strips" if count >= STRIPS_FROM else "one"
@@ -129,8 +129,7 @@ def make_world(
         flags=flags.allocate(),
         count=ti.field(ti.i32, ()),
         box=box_type(real).field(shape=()),
-        periodic=periodic,
-        open_edges=open_edges,
+        **edges_of(scene),
         capacity=capacity,
         half=wall_base + wall_half,
         wall_base=wall_base,
