@@ -43,7 +43,7 @@ YIELD, GROW = 0.4, 0.15
 """Md: an overlap that would part two grains faster than YIELD sqrt(g d), that the weight of the bed does not explain, and that they were
 not seen to come to, is taken out by and by: they touch where they are, and their surfaces grow to the radii they have with GROW sqrt(g d)
 (physics.md C6)."""
-MEANT = 0.15
+MEANT = 0.25
 """Md: who gives the stiffness of contacts means what is pressed together at the start by less than this, in d (physics.md A12)."""
 EARTH = 9.81  # m/s2, where a scene has no gravity to measure speeds by
 
