@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sand.solvers.tolerance import MD_CHAINS, RIGID_CHAINS, SAG
+from taichi_sand.solvers.tolerance import MD_CHAINS, RIGID_LOAD, SAG
 from taichi_sand.study.laboratory import OPEN, D, Disc, G, M, R, simulate
 from taichi_sand.study.stress import DOWN, UNIT, Gate, Watch, case, inside, poured, rms_speed
 from taichi_sand.world.hand import ATTRACT
@@ -240,4 +240,4 @@ def expert(solver: dict[str, Any], depth: float) -> dict[str, float]:
     """Keys of [solver] for a bed of standard discs `depth` grains deep, where gravity does not say so."""
     if solver["kind"] == "md":
         return {"stiffness": MD_CHAINS * depth * M * G / (solver["tolerance"] * D)}
-    return {"step": SAG * math.sqrt(solver["tolerance"] * D / (RIGID_CHAINS * depth * G))}
+    return {"step": SAG * math.sqrt(solver["tolerance"] * D / (RIGID_LOAD * depth * G))}
