@@ -17,19 +17,20 @@ import taichi_sand as sand
 threads = int(sys.argv[1])
 LOOSE = {"radius": [0.008, 0.012], "density": 1000.0, "count": 400, "fill": "lattice", "pitch": 1.3, "jitter": 0.1}
 DENSE = {"radius": 0.001, "count": 33000, "fill": "hexagonal", "bonded": True}
+BOULDER = {"positions": [[0.3, 0.218, 0.02, 0.0, -2.0]]}
 WALLS = [{"points": [[0.0, 0.3], [0.25, 0.15]]}, {"points": [[0.6, 0.3], [0.35, 0.15]]}]
 
 def run(name, grains, size, solver, steps, **keys):
-    sim = simulate([grains], size, {"precision": 32, **solver}, gravity=(0.0, -9.81), threads=threads, **keys)
+    sim = simulate(grains, size, {"precision": 32, **solver}, gravity=(0.0, -9.81), threads=threads, **keys)
     sim.advance_steps(steps)
     found[name] = [sim.world.layout, sim.steps, sim.flags(), digest(sim)]
 
 found = {}
 funnel = {"walls": WALLS, "edges": {"bottom": "open"}, "mu": 0.5, "seed": 1}
 for kind, steps in (("rigid", 1500), ("md", 6000)):
-    run(kind + " funnel", LOOSE, (0.6, 0.9), {"kind": kind}, steps, **funnel)
-    run(kind + " periodic", LOOSE, (0.6, 0.9), {"kind": kind}, steps, mu=0.3, edges={"left": "periodic", "right": "periodic"})
-    run(kind + " strips", DENSE, (0.6, 0.3), {"kind": kind}, 60, effects={"friction": {}, "bonds": {"strength": 20}})
+    run(kind + " funnel", [LOOSE], (0.6, 0.9), {"kind": kind}, steps, **funnel)
+    run(kind + " periodic", [LOOSE], (0.6, 0.9), {"kind": kind}, steps, mu=0.3, edges={"left": "periodic", "right": "periodic"})
+    run(kind + " strips", [DENSE, BOULDER], (0.6, 0.3), {"kind": kind}, 60, effects={"friction": {}, "bonds": {"strength": 20}})
 print(json.dumps(found))
 """
 

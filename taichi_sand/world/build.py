@@ -10,6 +10,7 @@ import taichi as ti
 
 from taichi_sand.scene.packing import Pack, parted
 from taichi_sand.world import flags
+from taichi_sand.world.boulders import part_boulders
 from taichi_sand.world.carried import allocate_carried
 from taichi_sand.world.clumps import build_shapes
 from taichi_sand.world.grid import allocate_grid
@@ -71,10 +72,20 @@ def mean_weight(scene: Any, pack: Pack) -> float:
     return (math.hypot(*scene.gravity) or EARTH) * (float(free.mean()) if len(free) else 0.0)
 
 
-def box_numbers(scene: Any, pack: Pack, largest: float, diameter: float, reach: float) -> dict[str, Any]:
-    """What of the box has nothing to do with lattice and cells; `reach` in diameters."""
-    grains = {"diameter": diameter, "largest": largest, "bridge": reach * diameter, "weight": mean_weight(scene, pack)}
-    return {"size": scene.size, "gravity": scene.gravity, **grains}
+def lengths_of(scene: Any, pack: Pack, reach: float, sleeps: bool) -> tuple[dict[str, float], int]:
+    """Lengths that tables are made for [m], by their names in world.tables.box_type, and rows for the pairs of boulders.
+
+    Where grains may sleep, boulders go into cells like all others: sleepers lie where boulders would.
+    """
+    radius, size = (pack.radius, pack.size) if len(pack) else 2 * (np.array([0.01 * min(scene.size)]),)
+    largest, diameter = 2 * float(radius.max()), 2 * float(size.mean())
+    listed, boulders = (largest, 0) if sleeps else part_boulders(radius, most_discs(pack))
+    return {"diameter": diameter, "largest": largest, "listed": listed, "bridge": reach * diameter}, boulders
+
+
+def box_numbers(scene: Any, pack: Pack) -> dict[str, Any]:
+    """What of the box does not depend on how it is cut up."""
+    return {"size": scene.size, "gravity": scene.gravity, "weight": mean_weight(scene, pack)}
 
 
 def most_discs(pack: Pack) -> int:
@@ -106,24 +117,23 @@ def make_world(
     `extra` columns of the pair table follow a pair; `carried` names the columns that follow a grain, and what a grain starts with;
     effects act on grains up to `reach` [d] apart, and tie the grains `links` (n, 2) together.
     """
-    real = ti.f64 if scene.solver.precision == 64 else ti.f32
-    count, capacity = len(pack.radius), round_up(len(pack.radius) + room + 1)
-    radius, size = (pack.radius, pack.size) if count else 2 * (np.array([0.01 * min(scene.size)]),)
-    largest, diameter = 2 * float(radius.max()), 2 * float(size.mean())
+    real, capacity = ti.f64 if scene.solver.precision == 64 else ti.f32, round_up(len(pack) + room + 1)
+    lengths, boulders = lengths_of(scene, pack, reach, sleeps)
+    diameter, sight = lengths["diameter"], lengths["largest"] / 2 + MOST_REACH * lengths["diameter"] + lengths["bridge"]
     moves = bool(moving_walls(scene))
     spacing, sites = lay_lattice(scene.size, diameter, capacity)
-    least_cell, most_cells = plan_cells(scene.size, largest + reach * diameter, capacity)
-    layout = "cells" if gpu else "strips" if count >= STRIPS_FROM else "one"
+    least_cell, most_cells = plan_cells(scene.size, lengths["listed"] + lengths["bridge"], capacity)
+    layout = "cells" if gpu else "strips" if len(pack) >= STRIPS_FROM else "one"
     cells, lanes = round_up(most_cells + 1), LANES[layout]
     blocks = {"one": 1, "strips": STRIPS, "cells": cells}[layout]
     rows, wall_rows = (per * most_discs(pack) for per in (PAIRS_PER_GRAIN, WALL_PAIRS_PER_GRAIN))
-    wall_half, wall_base = wall_rows * capacity, rows * (capacity + lanes * min(blocks, STRIPS))
+    wall_half, wall_base = wall_rows * capacity, rows * (capacity + lanes * min(blocks, STRIPS)) + boulders
     world = World(
         grains=allocate_grains(real, capacity, pack.clumps),
         pairs=allocate_pairs(real, capacity, wall_base + wall_half, wall_half, extra, 3 if sleeps else 2, pack.clumps, moves),
-        blocks=allocate_blocks(blocks + sleeps, lanes),
+        blocks=allocate_blocks(blocks + (sleeps or boulders > 0), lanes),
         grid=allocate_grid(real, capacity, cells),
-        **lay_walls(scene, pack, spacing, sites, largest / 2 + (MOST_REACH + reach) * diameter, wall_room, gpu, real),
+        **lay_walls(scene, pack, spacing, sites, sight, wall_room, gpu, real),
         **build_flow(scene, real),
         pace=pace_type(real).field(shape=()),
         flags=flags.allocate(),
@@ -143,13 +153,14 @@ def make_world(
         carried=allocate_carried(real, capacity, carried),
         linked=links is not None and len(links) > 0,
         links=build_links(links, pack, real),
+        boulders=boulders,
         rows=rows,
         wall_rows=wall_rows,
         layout=layout,
         lanes=lanes,
         real=real,
     )
-    world.box[None] = {"spacing": spacing, "sites": sites, "least_cell": least_cell, **box_numbers(scene, pack, largest, diameter, reach)}
+    world.box[None] = {"spacing": spacing, "sites": sites, "least_cell": least_cell, **lengths, **box_numbers(scene, pack)}
     return world
 
 

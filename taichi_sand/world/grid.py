@@ -1,6 +1,7 @@
 """The dense grid: a stable counting sort that keeps the grains in the order of their cells.
 
-Cells are numbered column by column, upwards; grains that left the box land in one cell more, behind all others, and are gone.
+Cells are numbered column by column, upwards; boulders lie in one cell more, behind all others; grains that left the box land behind
+that, and are gone.
 """
 
 from typing import Any, NamedTuple
@@ -105,6 +106,12 @@ def cell_of(w: ti.template(), i):
 
 
 @ti.func
+def cell_count(w: ti.template()):
+    """Cells, the one for boulders, the last, included."""
+    return w.grid.columns[None] * w.grid.rows[None] + ti.static(int(w.boulders > 0))
+
+
+@ti.func
 def lay_cells(w: ti.template(), width):
     """Cuts the box into cells at least `width` wide. Periodic axes get a number of cells that the colours of a sweep fit."""
     grid = ti.static(w.grid)
@@ -122,7 +129,7 @@ def lay_cells(w: ti.template(), width):
 def sort(w: ti.template()):
     """Stable counting sort of the grains by cell; leaves the old slot of each in `source` and drops the grains that left."""
     grid = ti.static(w.grid)
-    cells = grid.columns[None] * grid.rows[None]
+    cells = cell_count(w)
     count = present(w)
     ti.loop_config(serialize=True)
     for c in range(cells + 2):
@@ -194,7 +201,7 @@ def cut_blocks(w: ti.template()):
     blocks = ti.static(w.blocks)
     columns, rows = grid.columns[None], grid.rows[None]
     if ti.static(w.layout == "one"):
-        blocks.grain_start[0], blocks.grain_end[0] = 0, present(w)
+        blocks.grain_start[0], blocks.grain_end[0] = 0, grid.start[columns * rows]
     elif ti.static(w.layout == "strips"):
         ti.loop_config(serialize=True)
         for b in range(STRIPS):

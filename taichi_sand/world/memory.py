@@ -48,6 +48,8 @@ def recall(w: ti.template(), row_start: ti.template(), row_count: ti.template(),
     step = apart
     if ti.static(w.sleeps):
         step = 1 if row_start[slot] >= 2 * w.half else apart  # frozen pairs follow one another
+    if ti.static(w.boulders > 0):
+        step = 1 if row_start[slot] % w.half >= w.wall_base - w.boulders else apart  # so do those of boulders
     for k in range(row_count[slot]):
         row = row_start[slot] + k * step
         if w.pairs.second[row] == second and discs_of(w, row) == discs:

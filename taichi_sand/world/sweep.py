@@ -15,10 +15,10 @@ CELL_COLOURS = 6
 
 @ti.func
 def block_count(w: ti.template()):
-    """Blocks of the sweep that are in use, that of the sleepers included: together they hold every pair once."""
+    """Blocks of the sweep that are in use, that of the sleepers or boulders included: together they hold every pair once."""
     count = w.blocks.pair_start.shape[0]
     if ti.static(w.layout == "cells"):
-        count = w.grid.columns[None] * w.grid.rows[None] + ti.static(w.sleeps)
+        count = w.grid.columns[None] * w.grid.rows[None] + ti.static(int(w.sleeps or w.boulders > 0))
     return count
 
 
@@ -55,6 +55,8 @@ def sweep(w: ti.template(), pair: ti.template(), grain: ti.template(), s: ti.tem
 
     To be called at the top level of a kernel (its loops are then the parallel ones), or, for the layout "one", inside a serial loop.
     """
+    if ti.static(w.boulders > 0):
+        sweep_boulders(w, pair, grain, s, c, when)
     if ti.static(w.layout == "one"):
         if when(w):
             sweep_block(w, 0, pair, s, c)
@@ -64,6 +66,18 @@ def sweep(w: ti.template(), pair: ti.template(), grain: ti.template(), s: ti.tem
     else:
         sweep_cells(w, pair, s, c, when)
         each_grain(w, grain, s, c)
+
+
+@ti.func
+def sweep_boulders(w: ti.template(), pair: ti.template(), grain: ti.template(), s: ti.template(), c: ti.template(), when: ti.template()):
+    """The block of the boulders, by itself before all others; in cells the grain function comes later, with everybody's."""
+    ti.loop_config(serialize=True)
+    for _run in range(1):
+        if when(w):
+            b = block_count(w) - 1
+            sweep_block(w, b, pair, s, c)
+            if ti.static(w.layout != "cells"):
+                grains_of_block(w, b, grain, s, c)
 
 
 @ti.func
@@ -105,6 +119,8 @@ def sweep_cells(w: ti.template(), pair: ti.template(), s: ti.template(), c: ti.t
 @ti.func
 def each_grain(w: ti.template(), grain: ti.template(), s: ti.template(), c: ti.template()):
     """grain(w, s, c, start, end) on all grains, in the chunks that suit the layout."""
+    if ti.static(w.boulders > 0):
+        sweep_boulders(w, (), grain, s, c, going)
     if ti.static(w.layout == "one"):
         grains_of_block(w, 0, grain, s, c)
     elif ti.static(w.layout == "strips"):

@@ -125,6 +125,7 @@ class World:
     carried: tuple  # columns of numbers that grains carry for effects, by name: world.carried
     linked: bool  # whether an effect ties grains together
     links: Any  # world.links.Links, or None if none does
+    boulders: int  # rows for the pairs of boulders, the last of those before `wall_base`; 0 = there are none
     rows: int  # of the pair table, a grain
     wall_rows: int  # and of its part for walls
     layout: str  # of the sweep: "one", "strips" or "cells"
@@ -165,6 +166,7 @@ def box_type(real: Any) -> Any:
         gravity=pair,  # [m/s2]
         diameter=real,  # mean diameter d of the grains [m]
         largest=real,  # largest diameter [m]
+        listed=real,  # largest diameter of the grains that are no boulders, and go into cells [m]
         bridge=real,  # how far apart grains still act on one another [m]
         weight=real,  # of a mean grain, on earth if there is no gravity [N]
         least_cell=real,  # smallest width of a cell for which the grid has room [m]

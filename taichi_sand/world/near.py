@@ -1,0 +1,100 @@
+"""Grains near one another, looked at closely: those of their discs that may meet before the next search get a row of the pair table."""
+
+import taichi as ti
+
+from taichi_sand.world.clumps import MOST, disc_count, disc_of, turned
+from taichi_sand.world.flags import PAIRS_FULL, flag
+from taichi_sand.world.geometry import mobility, perp, spin, velocity, weigh_clumps
+from taichi_sand.world.memory import remember
+
+
+@ti.func
+def may_meet(reach, motion, near, horizon):
+    """Whether two points `reach` apart that move apart by `motion` come closer than `near` within `horizon`."""
+    approach = -reach.dot(motion)
+    square = motion.dot(motion)
+    excess = reach.dot(reach) - near * near
+    last = reach + motion * horizon
+    passing = ti.select(approach < horizon * square, excess * square < approach * approach, last.dot(last) < near * near)
+    return (excess < 0.0) | ((approach > 0.0) & passing)
+
+
+@ti.func
+def list_range(w: ti.template(), i, start, end, p, last, lanes: ti.template()):
+    """Lists grain i with those of the grains start .. end-1 that it may meet."""
+    grid = ti.static(w.grid)
+    box = w.box[None]
+    pace = w.pace[None]
+    flight = grid.flight[i]
+    rounding = 1e-6 * (box.size.x + box.size.y)
+    near = w.grains.radius[i] + 0.5 * box.listed + box.bridge + pace.skin + rounding
+    row = p
+    for j in range(start, end):
+        apart = grid.flight[j] - flight
+        for k in ti.static(range(2)):
+            if ti.static(w.periodic[k]):
+                apart[k] -= box.size[k] * ti.floor(apart[k] / box.size[k] + 0.5)
+        if may_meet(apart.xy, apart.zw, near, pace.horizon):
+            row = list_pair(w, i, j, row, last, lanes)
+    return row
+
+
+@ti.func
+def list_pair(w: ti.template(), i, j, row, last, lanes: ti.template()):
+    """Lists the discs of grains i and j that, looked at closely, may meet. Returns the next row."""
+    g = ti.static(w.grains)
+    box = w.box[None]
+    hop = g.site[j] - g.site[i]
+    for k in ti.static(range(2)):
+        if ti.static(w.periodic[k]):
+            hop[k] -= box.sites[k] * ti.cast(ti.floor(ti.cast(hop[k], w.real) / box.sites[k] + 0.5), ti.i32)
+    reach = ti.cast(hop, w.real) * box.spacing + (g.offset[j] - g.offset[i])
+    give = mobility(w, i) + mobility(w, j)
+    next_row = row
+    if give.x > 0.0:
+        if ti.static(w.clumps):
+            for a in range(disc_count(w, i)):
+                for b in range(disc_count(w, j)):
+                    next_row = list_discs(w, i, j, a, b, reach, give.x, next_row, last, lanes)
+        else:
+            next_row = list_discs(w, i, j, 0, 0, reach, give.x, next_row, last, lanes)
+    return next_row
+
+
+@ti.func
+def list_discs(w: ti.template(), i, j, a, b, reach, weight, row, last, lanes: ti.template()):
+    """Lists disc a of grain i and disc b of grain j, `reach` from grain to grain, if they may meet. Returns the next row."""
+    g = ti.static(w.grains)
+    pairs = ti.static(w.pairs)
+    rims = ti.Vector([g.radius[i], g.radius[j]])
+    apart, motion = reach, velocity(w, j) - velocity(w, i)
+    one, two = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
+    if ti.static(w.clumps):
+        one, two = disc_of(w, i, a), disc_of(w, j, b)
+        arm_i, arm_j = turned(w, i, one.xy), turned(w, j, two.xy)
+        apart += arm_j - arm_i
+        motion += spin(w, j) * perp(arm_j) - spin(w, i) * perp(arm_i)
+        rims = ti.Vector([one.z, two.z])
+    radii = rims.x + rims.y
+    next_row = row
+    if may_meet(apart, motion, radii + w.box[None].bridge + w.pace[None].skin, w.pace[None].horizon):
+        if row >= last:
+            flag(w, PAIRS_FULL, g.id[i])
+        else:
+            pairs.first[row], pairs.second[row] = i, j
+            pairs.reach[row] = reach
+            pairs.contact_distance[row] = radii
+            pairs.normal[row] = apart / (apart.norm() + 1e-30)
+            pairs.gap[row] = apart.norm() - radii
+            if ti.static(w.clumps):
+                pairs.discs[row] = a * MOST + b
+                pairs.arms[row] = ti.Vector([one.x, one.y, two.x, two.y])
+                pairs.rims[row] = rims
+                weigh_clumps(w, row, i, j, False)
+            else:
+                turning = mobility(w, i).z * g.radius[i] ** 2 + mobility(w, j).z * g.radius[j] ** 2
+                pairs.mass[row], pairs.mass_t[row] = 1.0 / weight, 1.0 / (weight + turning)
+                pairs.root_mass[row] = ti.sqrt(1.0 / weight)
+            remember(w, row, i, j)
+            next_row = row + lanes
+    return next_row
