@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -93,6 +94,25 @@ def test_time_can_run_slower_and_faster(box: Playing) -> None:
     box.key("equal", "equal")
     box.until(lambda now: now["values"]["time"] == 1.0 and now["real_time"] > 0.8)
     assert not now["flags"]
+
+
+def test_an_input_shows_within_two_frames(box: Playing) -> None:
+    """From the key to the cells of the search on the display, less what it takes to press a key and to look."""
+    paused(box, False)
+
+    def air() -> np.ndarray:
+        return box.shot()[230:270, 260:380]
+
+    def time_of(key: str) -> float:
+        before, start = air(), time.perf_counter()
+        box.tool("key", key)
+        while (air() == before).all() and key == "g" and time.perf_counter() < start + 5:
+            pass
+        return time.perf_counter() - start
+
+    shown, idle = (min(time_of(key) for _ in range(6)) for key in ("g", "F5"))
+    assert not box.fresh()["look"]["grid"]
+    assert shown - idle < 2 / box.now["frames"]
 
 
 @pytest.mark.parametrize("key", [key for key in KEYS if key.group == "views"], ids=lambda key: key.key)
