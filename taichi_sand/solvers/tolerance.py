@@ -31,9 +31,9 @@ LONGEST_STEP = 1 / 240
 REFERENCE_STEPS, LEAST_REFERENCE_STEPS = 0.03, 10.0
 """The slow reference impulse follows in REFERENCE_STEPS n^2 steps, but not in less than 10: as slowly as the slowest swing of a pile n
 deep dies out (1D columns of 5 to 300 discs: a quarter of it still rests, but rings longer; four times as much only rests later)."""
-FASTEST = 0.7
+FASTEST = 0.95
 """Rigid: speed cap in diameters a step. Two grains then approach by less in a step than a search can foresee, MOST_SLACK diameters."""
-FALL = 0.8
+FALL = 0.9
 """Share of the speed cap that a falling grain may reach."""
 PUSH, IMPACT = 1.0, 0.3
 """Rigid: fastest separation of overlapping grains, and slowest impact, in sqrt(g d) (physics.md D5)."""

@@ -13,7 +13,7 @@ from taichi_sand.world.clumps import head
 from taichi_sand.world.flags import ESCAPED, NOWHERE, flag
 from taichi_sand.world.geometry import position, present, velocity
 from taichi_sand.world.sinks import drain
-from taichi_sand.world.tables import STRIPS
+from taichi_sand.world.tables import ABREAST, STRIPS
 
 
 class Grid(NamedTuple):
@@ -25,7 +25,7 @@ class Grid(NamedTuple):
     columns: Any  # cells along x, 0-D i32
     rows: Any  # cells along y, 0-D i32
     cell_size: Any  # 0-D 2-vector [m]
-    flight: Any  # position and velocity of each grain, rounded: enough to tell who is far, shape (capacity,), 4-vectors
+    flight: Any  # position and velocity of each grain, rounded: enough to tell who is far, shape (capacity + ABREAST,), 4-vectors
     whole: Any  # scratch for the whole numbers of a grain, shape (capacity,), i32 5-vectors
     number: Any  # scratch for the others, 18-vectors
 
@@ -39,7 +39,7 @@ def allocate_grid(real: Any, capacity: int, cells: int) -> Grid:
         columns=ti.field(ti.i32, ()),
         rows=ti.field(ti.i32, ()),
         cell_size=ti.Vector.field(2, real, ()),
-        flight=ti.Vector.field(4, real, capacity),
+        flight=ti.Vector.field(4, real, capacity + ABREAST, layout=ti.Layout.SOA),
         whole=ti.Vector.field(5, ti.i32, capacity),
         number=ti.Vector.field(18, real, capacity),
     )

@@ -6,17 +6,32 @@ from taichi_sand.world.clumps import MOST, disc_count, disc_of, turned
 from taichi_sand.world.flags import PAIRS_FULL, flag
 from taichi_sand.world.geometry import mobility, perp, spin, velocity, weigh_clumps
 from taichi_sand.world.memory import remember
+from taichi_sand.world.tables import ABREAST
+
+
+@ti.func
+def least_excess(x, y, u, v, near, horizon):
+    """Least squared distance within `horizon` of two points (x, y) apart that move apart by (u, v), less near^2.
+
+    Of numbers, or of vectors of ABREAST numbers: plain arithmetic, so that a processor does them side by side.
+    """
+    when = -(x * u + y * v) / (u * u + v * v + 1e-30)
+    when = ti.select(when > 0.0, when, 0.0)
+    when = ti.select(when < horizon, when, horizon)
+    x_then, y_then = x + u * when, y + v * when
+    return x_then * x_then + y_then * y_then - near * near
 
 
 @ti.func
 def may_meet(reach, motion, near, horizon):
     """Whether two points `reach` apart that move apart by `motion` come closer than `near` within `horizon`."""
-    approach = -reach.dot(motion)
-    square = motion.dot(motion)
-    excess = reach.dot(reach) - near * near
-    last = reach + motion * horizon
-    passing = ti.select(approach < horizon * square, excess * square < approach * approach, last.dot(last) < near * near)
-    return (excess < 0.0) | ((approach > 0.0) & passing)
+    return least_excess(reach.x, reach.y, motion.x, motion.y, near, horizon) < 0.0
+
+
+@ti.func
+def abreast(column: ti.template(), first, part: ti.template()):
+    """Component `part` of ABREAST rows."""
+    return ti.Vector([column[first + k][part] for k in range(ABREAST)])
 
 
 @ti.func
@@ -29,13 +44,21 @@ def list_range(w: ti.template(), i, start, end, p, last, lanes: ti.template()):
     rounding = 1e-6 * (box.size.x + box.size.y)
     near = w.grains.radius[i] + 0.5 * box.listed + box.bridge + pace.skin + rounding
     row = p
-    for j in range(start, end):
-        apart = grid.flight[j] - flight
-        for k in ti.static(range(2)):
-            if ti.static(w.periodic[k]):
-                apart[k] -= box.size[k] * ti.floor(apart[k] / box.size[k] + 0.5)
-        if may_meet(apart.xy, apart.zw, near, pace.horizon):
-            row = list_pair(w, i, j, row, last, lanes)
+    for group in range((end - start + ABREAST - 1) // ABREAST):
+        first = start + group * ABREAST
+        x, y = abreast(grid.flight, first, 0) - flight.x, abreast(grid.flight, first, 1) - flight.y
+        u, v = abreast(grid.flight, first, 2) - flight.z, abreast(grid.flight, first, 3) - flight.w
+        if ti.static(w.periodic[0]):
+            x -= box.size.x * ti.floor(x / box.size.x + 0.5)
+        if ti.static(w.periodic[1]):
+            y -= box.size.y * ti.floor(y / box.size.y + 0.5)
+        excess = least_excess(x, y, u, v, near, pace.horizon)
+        hits = ti.select(excess < 0.0, ti.Vector([1 << k for k in range(ABREAST)]), 0).sum()
+        hits &= (1 << ti.min(end - first, ABREAST)) - 1
+        while hits != 0:
+            lowest = hits & -hits
+            row = list_pair(w, i, first + 31 - ti.math.clz(lowest), row, last, lanes)
+            hits -= lowest
     return row
 
 

@@ -27,6 +27,8 @@ LANES = {"one": 8, "strips": 2, "cells": 1}
 grain, and a processor works on several at once instead of waiting for the last one's result (twice as fast, measured). In a world too
 large for the caches few runs are better, as a processor fetches only some dozens of streams ahead (100000 grains, md: 36 against 72 ns
 a grain with 8)."""
+ABREAST = 16
+"""Grains that are looked at together: a vector of the widest processors."""
 FAR = 1e15
 
 
