@@ -3,8 +3,8 @@
 import taichi as ti
 
 from taichi_sand.world.clumps import tilt, torques
-from taichi_sand.world.geometry import couple, perp, rolling, spin, within, wrench
-from taichi_sand.world.ledger import strike
+from taichi_sand.world.geometry import add, couple, perp, rolling, spin, within, wrench
+from taichi_sand.world.ledger import set_off, strike
 
 
 @ti.func
@@ -101,3 +101,28 @@ def resist_rolling(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j
             new = within(effect.spin_cone(w, c, p, normal, radius), carried - inertia * roll)
             strike(w, s, i, j, -couple(new - carried), couple(new - carried), wall)
             effect.torque[p] = new * c.rate
+
+
+@ti.func
+def lay_by(w: ti.template(), s: ti.template(), c: ti.template(), p, carried, wall: ti.template(), anew: ti.template()):
+    """Adds the impulse that pair p carries to what its grains start the next step with; `anew` in every step, once."""
+    pairs = ti.static(w.pairs)
+    g = ti.static(w.grains)
+    if carried.x != 0.0:
+        i = pairs.first[p]
+        j = i if ti.static(wall) else pairs.second[p]
+        normal, gap = pairs.normal[p], pairs.gap[p]
+        lever = levers_of(w, p)
+        arm_i, arm_j = arms(w, i, j, gap, lever, wall)
+        push = carried.x * normal + carried.y * perp(normal)
+        taken, given = torques(w, carried, arm_i, arm_j, lever)
+        first, second = -wrench(push, taken), wrench(push, given)
+        for effect in ti.static(s.effects):
+            if ti.static(hasattr(effect, "spin_cone")):
+                first -= couple(effect.torque[p] * c.step)
+                second += couple(effect.torque[p] * c.step)
+        if ti.static(anew):
+            set_off(w, s, i, j, first, second, wall)
+        add(g.wrench, i, first)
+        if ti.static(not wall):
+            add(g.wrench, j, second)

@@ -3,8 +3,9 @@
 Each step: kick (gravity, and the impulses that the contacts carried last), one sweep that solves every contact as a stiff, strongly
 damped spring (Catto's soft step, as in Solver2D), drift, one sweep without the spring that takes out the velocity the spring put in.
 The spring lets a pile sag by 0.81 n g h^2 (physics.md D3); a slow reference impulse, which creeps after the carried one, takes over the
-load in time, so that the sag fades while the pile rests. An approach faster than the threshold is an impact: it is answered at once
-with restitution and friction (Walton's hard disc, physics.md A4), and is not remembered as a carried force.
+load in time, so that the sag fades while the pile rests. The second sweep is over-relaxed: a deep pile comes to rest sooner. An approach
+faster than the threshold is an impact: it is answered at once with restitution and friction (Walton's hard disc, physics.md A4), and is
+not remembered as a carried force.
 """
 
 from collections.abc import Iterable
@@ -13,11 +14,10 @@ from typing import Any
 
 import taichi as ti
 
-from taichi_sand.solvers.impulses import arms, cone, give, levers_of, lowest, resist_rolling, slip_by, slip_of, speed_of
+from taichi_sand.solvers.impulses import arms, cone, give, lay_by, levers_of, lowest, resist_rolling, slip_by, slip_of, speed_of
 from taichi_sand.solvers.tolerance import Bed, rigid_numbers
-from taichi_sand.world.clumps import torques
-from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, motion_of, movable, perp, weigh_clumps, within, wrench
-from taichi_sand.world.ledger import drive, set_off, settle_work
+from taichi_sand.world.geometry import add, at_least, distance_to_second, motion_of, movable, weigh_clumps, within, wrench
+from taichi_sand.world.ledger import drive, settle_work
 from taichi_sand.world.links import pull_links
 from taichi_sand.world.motion import drift, with_body
 from taichi_sand.world.movers import feel, place_walls
@@ -209,31 +209,6 @@ def relax(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.temp
     lay_by(w, s, c, p, carried, wall, True)
     pairs = ti.static(w.pairs)
     feel(w, s, c, p, pairs.gap[p] + pairs.contact_distance[p], pairs.normal[p], carried * c.rate, wall)
-
-
-@ti.func
-def lay_by(w: ti.template(), s: ti.template(), c: ti.template(), p, carried, wall: ti.template(), anew: ti.template()):
-    """Adds the impulse that pair p carries to what its grains start the next step with; `anew` in every step, once."""
-    pairs = ti.static(w.pairs)
-    g = ti.static(w.grains)
-    if carried.x != 0.0:
-        i = pairs.first[p]
-        j = i if ti.static(wall) else pairs.second[p]
-        normal, gap = pairs.normal[p], pairs.gap[p]
-        lever = levers_of(w, p)
-        arm_i, arm_j = arms(w, i, j, gap, lever, wall)
-        push = carried.x * normal + carried.y * perp(normal)
-        taken, given = torques(w, carried, arm_i, arm_j, lever)
-        first, second = -wrench(push, taken), wrench(push, given)
-        for effect in ti.static(s.effects):
-            if ti.static(hasattr(effect, "spin_cone")):
-                first -= couple(effect.torque[p] * c.step)
-                second += couple(effect.torque[p] * c.step)
-        if ti.static(anew):
-            set_off(w, s, i, j, first, second, wall)
-        add(g.wrench, i, first)
-        if ti.static(not wall):
-            add(g.wrench, j, second)
 
 
 @ti.func
