@@ -106,12 +106,12 @@ def test_brazil_nut_rises(seed: int) -> None:
     assert cycles < 500
 
 
-@pytest.mark.xfail(reason="grains creep on: by a median of 0.3 d in six cycles, 0.04 d at tolerance 0.005, with either solver")
+@pytest.mark.xfail(reason="grains creep on: at tolerance 0.02 by a median of 0.3 d in six cycles, at 0.005 by 0.04 d, with either solver")
 def test_bed_shaken_below_one_g_stays() -> None:
     """B11, C25: at 0.8 g nobody goes anywhere."""
     fresh_taichi()
     weak = f"walls.0.shake.amplitude=[0.0, {0.8 * G / (24 * math.pi) ** 2}]"
-    still = sand.Simulation(sand.load("brazil_nut", [weak]), threads=1)
+    still = sand.Simulation(sand.load("brazil_nut", [weak, "solver.tolerance=0.02"]), threads=1)
     still.advance(3.0)
     before = still.positions
     still.advance(5.0)  # whole cycles
