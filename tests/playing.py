@@ -86,13 +86,16 @@ class Playing:
 
     def find(self) -> None:
         """Looks for the window, which another scene opens anew; keys go to the window under the mouse."""
-        self.window = self.tool("search", "--sync", "--name", "^taichi_sand").split()[-1]
+        end, found = time.monotonic() + PATIENCE, []
+        while not found and time.monotonic() < end:  # --sync at times waits for ever
+            found = self.tool("search", "--name", "^taichi_sand", wrong=True).split()
+        self.window = found[-1]
         self.to(0.5, 0.5)
 
-    def tool(self, *words: object) -> str:
-        """xdotool."""
+    def tool(self, *words: object, wrong: bool = False) -> str:
+        """xdotool; `wrong`: it may fail."""
         return subprocess.run(
-            ["xdotool", *map(str, words)], env=self.environment, check=True, capture_output=True, text=True, timeout=30
+            ["xdotool", *map(str, words)], env=self.environment, check=not wrong, capture_output=True, text=True, timeout=30
         ).stdout
 
     def read(self) -> dict[str, Any]:

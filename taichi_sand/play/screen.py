@@ -23,7 +23,8 @@ MOST_WIDTH, MOST_HEIGHT = 1080, 860
 """A picture that nobody gave a width is not larger than this [px], so that the window fits a screen."""
 LEAST_TEXT = 0.92
 """Size of the caption's text below which it is hard to read on a screen, over that in a picture 720 px wide."""
-LEAST_HEIGHT = 780
+MARGIN = 8
+LEAST_HEIGHT = 840
 """Height of a window [px] below which the panel would be cramped."""
 
 
@@ -63,7 +64,7 @@ class Screen:
             self.overlay = Overlay(self.painter)
         painter = self.painter
         painter.color, painter.force_chains, painter.walls = look["color"], look["chains"], wall_lines(sim)
-        painter.sleepers, painter.bonds = look["asleep"], look["bonds"]
+        painter.sleepers, painter.bonds, painter.dimmed = look["asleep"], look["bonds"], look["forces"]
         painter.set_energy_colours(look["cold"], look["hot"])
 
     def paint(self, canvas: np.ndarray, measured: dict[str, Any], cursor: tuple[float, float] | None, told: str) -> np.ndarray:
@@ -79,7 +80,8 @@ class Screen:
         self._blit(canvas, picture)
         sheet = hud.notices(session, self.picture[0], self.size[1], told)
         if look["hud"] and self.numbers:
-            sheet.tiles = [(x, y + self.top, tile) for x, y, tile in self.numbers] + sheet.tiles
+            down = self._down()
+            sheet.tiles = [(x, y + down, tile) for x, y, tile in self.numbers] + sheet.tiles
         if cursor is not None:
             self._cursor(canvas, cursor)
         sheet.paint(canvas, *self.size)
@@ -92,6 +94,11 @@ class Screen:
         """Paints the panel, and composes the numbers over the picture."""
         self.panel.paint(canvas, *self.size, self.session, measured)
         self.numbers = hud.compose(hud.lines(self.session, measured), self.picture[0]) if measured else []
+
+    def _down(self) -> int:
+        """How far down the numbers go [px]: above the picture if there is room, else into it, below its caption."""
+        first, last = self.numbers[0][1], max(y + tile.shape[0] for _, y, tile in self.numbers)
+        return MARGIN - first if last - first + 2 * MARGIN < self.top else self.top
 
     def message(self, canvas: np.ndarray, text: str) -> None:
         """A sentence over everything, for what takes a while."""

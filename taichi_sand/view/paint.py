@@ -61,8 +61,8 @@ def edge_lines(width: int, height: int, edges: Sequence[bool], thickness: float)
 
 
 class Painter:
-    """Paints a world. `color`, `force_chains`, `sleepers` (whether they are shown fainter), `bonds` (whether they are shown) and `walls`
-    may be changed between pictures.
+    """Paints a world. These may be changed between pictures: `color`, `force_chains`, `sleepers` (whether they are shown fainter), `bonds`
+    (whether they are shown), `dimmed` (whether grains only are the ground for what is drawn over them) and `walls`.
 
     walls: straight parts, shape (n, 4): x, y of one end, x, y of the other [m].
     edges: which edges of the box are walls: left, right, bottom, top.
@@ -84,7 +84,8 @@ class Painter:
         kinds: int = 1,
     ) -> None:
         check_view(color, world)
-        self.world, self.color, self.force_chains, self.sleepers, self.bonds = world, color, force_chains, True, True
+        self.world, self.color, self.force_chains = world, color, force_chains
+        self.sleepers, self.bonds, self.dimmed = True, True, False
         self.width, self.height = width, picture_height(size_m, width)
         self.scale = width / size_m[0]  # px/m
         self.enlargement = width / REFERENCE_WIDTH
@@ -133,7 +134,7 @@ class Painter:
         canvas.fill(palette.packed(palette.GROUND))
         self.legend = None
         self._colour(time)
-        if self.sleepers and self.world.sleeps and not self.force_chains:
+        if self.sleepers and self.world.sleeps and not (self.force_chains or self.dimmed):
             kernels.fade_sleepers(self.world, self._colours)
         world, size = self.world, (self.width, self.height)
         kernels.place_discs(world, self.scale, *size, self._discs, self._owner, self._bands)
@@ -150,8 +151,9 @@ class Painter:
     def _colour(self, time: float) -> None:
         """Fills the colour of every grain."""
         fixed = palette.packed(palette.FIXED)
-        if self.force_chains or self.color == KIND:
-            kernels.colour_by_kind(self.world, self._dim if self.force_chains else self._tones, fixed, self._colours)
+        dimmed = self.force_chains or self.dimmed
+        if dimmed or self.color == KIND:
+            kernels.colour_by_kind(self.world, self._dim if dimmed else self._tones, fixed, self._colours)
             return
         view, table = VIEWS[self.color], self._maps[self.color]
         view.measure(self.world, self._values)
