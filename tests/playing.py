@@ -175,14 +175,16 @@ class Playing:
         self.tool("key", key)
         return self.until(lambda now: (now["look"], now["help"]) != before)
 
-    def settled(self) -> np.ndarray:
+    def settled(self, strip: bool = False) -> np.ndarray:
         """What the display shows of a picture that stands still, when all input has come through."""
         self.fresh()
-        return self.shot()
+        return self.shot(strip)
 
-    def shot(self) -> np.ndarray:
-        """What the display shows of the picture, (height, width, 3) uint8."""
+    def shot(self, strip: bool = False) -> np.ndarray:
+        """What the display shows of the picture, (height, width, 3) uint8; with what is above and below it if `strip`."""
         left, top, width, height = self.now["picture"]
+        if strip:
+            top, height = 0, self.now["window"][1]
         where = dict(line.split("=") for line in self.tool("getwindowgeometry", "--shell", self.window).split())
         left, top = left + int(where["X"]), top + int(where["Y"])
         box = (left, top, left + width, top + height)

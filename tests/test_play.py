@@ -136,15 +136,15 @@ def test_every_view_shows_something_else(box: Playing) -> None:
     paused(box)
     box.to(0.9, 0.95)
     box.until(lambda now: now["look"]["color"] == "kind" and not now["look"]["hud"])
-    shots = [box.settled()]
+    shots = [box.settled(strip=True)]
     while box.switched("v")["look"]["color"] != "kind":
-        shots.append(box.shot())
+        shots.append(box.shot(strip=True))
     assert len(shots) == 7  # all but those of effects that are off
     for key in ("c", "x", "a", "g", "i", "h"):
         box.switched(key)
-        shots.append(box.shot())
+        shots.append(box.shot(strip=True))
         box.switched(key)
-    assert (box.shot() == shots[0]).all()
+    assert (box.shot(strip=True) == shots[0]).all()
     for number, shot in enumerate(shots):
         assert not any((shot == other).all() for other in shots[:number]), number
     box.key("i", "z")

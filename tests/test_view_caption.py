@@ -111,4 +111,4 @@ def test_picture_of_a_simulation(sim: sand.Simulation) -> None:
 
 
 def test_walls_of_a_closed_polyline_close(sim: sand.Simulation) -> None:
-    assert wall_lines(sim.scene).tolist() == [[0, 0.2, 0.1, 0.1], [0.1, 0.1, 0.2, 0.1], [0.2, 0.1, 0, 0.2]]
+    assert wall_lines(sim).tolist() == [[0, 0.2, 0.1, 0.1], [0.1, 0.1, 0.2, 0.1], [0.2, 0.1, 0, 0.2]]
