@@ -1,5 +1,9 @@
 """Checkpoints: a resumed run equals an uninterrupted one, bit for bit; a file that cannot be used is refused in a sentence."""
 
+import os
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +11,7 @@ import pytest
 from helpers import digest, fresh_taichi, simulate
 
 import taichi_sand as sand
+from taichi_sand.world import checkpoint
 
 LOOSE = {"radius": [0.008, 0.012], "density": 1000.0, "count": 150, "fill": "lattice", "pitch": 1.3, "jitter": 0.1}
 KEYS = {"gravity": (0.0, -9.81), "mu": 0.5, "seed": 2, "edges": {"right": "open"}}
@@ -92,3 +97,56 @@ def test_wrong_checkpoint_is_refused(how: str, tmp_path: Path) -> None:
     with pytest.raises(sand.SandError) as caught:
         sand.Simulation.resume(path, threads=1)
     assert "state.npz" in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_file_of_a_newer_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It says so, and names both formats."""
+    monkeypatch.setattr(checkpoint, "FORMAT", checkpoint.FORMAT + 1)
+    checkpoint.save(tmp_path / "state.npz", {}, {})
+    monkeypatch.undo()
+    with pytest.raises(sand.SandError, match=f"format {checkpoint.FORMAT + 1}, written by a newer taichi-sand"):
+        checkpoint.load(tmp_path / "state.npz")
+
+
+def test_foreign_archives_are_refused(tmp_path: Path) -> None:
+    """Other files that NumPy reads."""
+    np.save(tmp_path / "array.npy", np.arange(3))
+    np.savez(tmp_path / "other.npz", header=np.arange(3), x=np.zeros(2))
+    for name in ("array.npy", "other.npz"):
+        with pytest.raises(sand.SandError, match=name):
+            checkpoint.load(tmp_path / name)
+
+
+SAVER = """
+import sys
+import numpy as np
+from taichi_sand.world import checkpoint
+
+class Field:
+    def __init__(self, k):
+        self.k = k
+    def to_numpy(self):
+        return np.random.default_rng(self.k).integers(0, 9, 200_000).astype(np.int32)
+
+k = 0
+while True:
+    checkpoint.save(sys.argv[1], {"k": k}, {"field": Field(k)})
+    print(k, flush=True)
+    k += 1
+"""
+
+
+def test_killed_while_saving(tmp_path: Path) -> None:
+    """Killed at any moment of a save, a process leaves the file of the last save that ended, or of one it was about to end, whole."""
+    path, random = tmp_path / "state.npz", np.random.default_rng(1)
+    for _ in range(8):
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+        with subprocess.Popen([sys.executable, "-c", SAVER, str(path)], stdout=subprocess.PIPE, env=environment) as process:
+            assert process.stdout is not None
+            process.stdout.readline()
+            time.sleep(random.uniform(0, 0.06))
+            process.kill()
+            saved = [0, *map(int, process.stdout.read().split())]
+        about, arrays = checkpoint.load(path)
+        assert about["k"] in (saved[-1], saved[-1] + 1)
+        assert (arrays["field"] == np.random.default_rng(about["k"]).integers(0, 9, 200_000)).all()

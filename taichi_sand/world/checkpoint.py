@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import struct
 import tempfile
 import zipfile
 from pathlib import Path
@@ -12,7 +13,12 @@ import numpy as np
 
 from taichi_sand.scene.errors import SandError
 
-FORMAT = 2
+FORMAT = 3
+
+
+UNREADABLE = (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, NotImplementedError, RuntimeError, MemoryError)
+UNREADABLE += (OverflowError, struct.error, zipfile.BadZipFile, zipfile.zlib.error)
+"""What reading a file that is no checkpoint, or a damaged one, may raise."""
 
 
 def fields_of(thing: Any, name: str) -> dict[str, Any]:
@@ -72,10 +78,11 @@ def load(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         version, about, checksum = header["format"], header["about"], header["sha256"]
     except FileNotFoundError:
         raise SandError(f"{path}: there is no such checkpoint") from None
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zipfile.zlib.error) as error:
+    except UNREADABLE as error:
         raise SandError(f"{path}: not a checkpoint of taichi-sand, or a damaged one ({type(error).__name__})") from None
     if version != FORMAT:
-        raise SandError(f"{path}: a checkpoint of format {version}; this taichi-sand reads format {FORMAT}")
+        age = "a newer" if isinstance(version, int) and version > FORMAT else "another"
+        raise SandError(f"{path}: a checkpoint of format {version}, written by {age} taichi-sand; this one reads format {FORMAT}")
     if checksum != digest(arrays):
         raise SandError(f"{path}: the checkpoint is damaged: its checksum does not match")
     return about, arrays

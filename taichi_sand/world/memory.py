@@ -61,7 +61,7 @@ def recall(w: ti.template(), row_start: ti.template(), row_count: ti.template(),
 def carry(w: ti.template(), row, old):
     """Copies the memory of row `old` to `row`; zeros if old < 0."""
     for column in ti.static(w.pairs.memory):
-        column[row] = column[old] if old >= 0 else ti.zero(column[row])
+        column[row] = column[ti.max(old, 0)] if old >= 0 else ti.zero(column[row])  # both sides are read
 
 
 @ti.func

@@ -1,0 +1,239 @@
+"""Fuzzing: random valid scenes must stay finite and lose nobody, broken files must be refused in a sentence.
+
+`python -m taichi_sand.study.fuzz --examples 5000` draws so many scenes and so many broken files; it needs the extra `test`. A scene of
+another structure is compiled anew, so a run draws its structures first and many scenes of each.
+"""
+
+import argparse
+import json
+import math
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hypothesis import HealthCheck, Phase, assume, given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+import taichi_sand as sand
+from taichi_sand import cli, effects
+from taichi_sand.scene.parameters import Parameter
+from taichi_sand.study.laboratory import fresh_taichi
+
+SECONDS, MOST_STEPS = 0.3, 1500
+"""How long a scene is simulated, and by how many steps at most: stiff contacts of small grains would take millions."""
+SHAPES = ("disc", "2x1", "triangle", "square")
+STRUCTURES = (
+    ("rigid", "disc", ()),
+    ("md", "disc", ("friction",)),
+    ("rigid", "triangle", ("friction", "rolling")),
+    ("md", "square", ("friction", "drag")),
+    ("rigid", "disc", ("friction", "cohesion", "moisture")),
+    ("md", "disc", ("friction", "sleeping", "heat")),
+)
+"""Solver, shape and effects of the scenes that the tests draw."""
+DRIVES = {"drag", "safe_direction", "bonds", "cohesion", "moisture", "heat"}
+"""Effects that give energy, or keep some that a report does not count."""
+KEYS = ("time_s", "grains", "grains_lost", "overlap_max", "kinetic_energy_J", "potential_energy_J", "speed_max_m_s", "flags")
+
+
+def numbers(low: float, high: float) -> st.SearchStrategy[float]:
+    """Numbers of all sizes between two positive ones."""
+    return st.floats(math.log(low), math.log(high)).map(math.exp)
+
+
+def value_of(parameter: Parameter) -> st.SearchStrategy[Any]:
+    """All that a parameter may be, its limits more often than others."""
+    if isinstance(parameter.default, bool):
+        return st.booleans()
+    if isinstance(parameter.default, str):
+        return st.sampled_from(parameter.choices or (parameter.default,))
+    low, high = float(parameter.low or 0.0), float(1e6 if parameter.high is None else parameter.high)
+    return st.one_of(st.sampled_from([low, high]), st.floats(low, high))
+
+
+def tables(names: tuple[str, ...]) -> st.SearchStrategy[dict[str, Any]]:
+    """Tables of these effects, with any of their keys that may change without a new structure."""
+    live = {name: {p.name: value_of(p) for p in effects.module(name).PARAMETERS if p.live and p.default is not None} for name in names}
+    return st.fixed_dictionaries({name: st.fixed_dictionaries({}, optional=keys) for name, keys in live.items()})
+
+
+@st.composite
+def scenes(draw: Callable, structure: tuple[str, str, tuple[str, ...]]) -> dict[str, Any]:
+    """Keys of a scene of few grains, of any size, weight and speed that is allowed."""
+    kind, shape, names = structure
+    radius = draw(numbers(1e-4, 1.0))
+    count = draw(st.integers(1, 30))
+    side = radius * draw(st.floats(14, 60))
+    pull = draw(st.one_of(st.just(0.0), numbers(1e-2, 1e3)))
+    way = draw(st.floats(0, 2 * math.pi))
+    return {
+        "size": [side, side * draw(st.floats(1, 2))],
+        "gravity": [pull * math.cos(way), pull * math.sin(way)],
+        "seed": draw(st.integers(0, 2**63 - 1)),
+        "solver": {
+            "kind": kind,
+            "tolerance": draw(st.one_of(st.sampled_from([0.0005, 0.3]), numbers(0.0005, 0.3))),
+            "restitution": draw(st.floats(0, 1)),
+        },
+        "grains": [
+            {
+                "shape": shape,
+                "radius": [radius * draw(st.floats(0.2, 1.0)), radius],
+                "density": draw(numbers(1e-3, 1e6)),
+                "count": count,
+                "speed": [0.0, radius * draw(st.one_of(st.just(0.0), numbers(1e-2, 1e3)))],
+                "spin": draw(st.sampled_from([0.0, 1e3, -1e3])),
+                "angle": "random",
+            }
+        ],
+        "effects": draw(tables(names)),
+    }
+
+
+def check_scene(keys: dict[str, Any]) -> None:
+    """Runs a scene; AssertionError says what went wrong. A scene that is refused in a sentence is no finding."""
+    fresh_taichi()
+    try:
+        sim = sand.Simulation(sand.Scene(**keys), arch="cpu", threads=1)
+    except sand.SandError as error:
+        assert "\n" not in str(error)
+        assume(False)
+    before = sim.report()
+    sim.advance_steps(max(1, min(MOST_STEPS, round(SECONDS / sim.step))))
+    after = sim.report()
+    json.dumps(after, allow_nan=False)
+    assert set(KEYS) <= set(after)
+    for values in (sim.positions, sim.velocities, sim.angles, sim.spins):
+        assert np.isfinite(values).all(), "a number is not finite"
+    assert after["grains"] == before["grains"] and after["grains_lost"] == 0, "a grain is lost"
+    size, beyond = np.array(sim.scene.size), sim.radii.max()
+    assert ((sim.positions > -beyond) & (sim.positions < size + beyond)).all(), "a grain is outside"
+    if not DRIVES & set(keys["effects"]):
+        gained = sum(after[key] - before[key] for key in ("kinetic_energy_J", "potential_energy_J"))
+        scale = before["kinetic_energy_J"] + before["mass_kg"] * float(np.hypot(*sim.scene.gravity)) * float(size.max())
+        assert gained <= 2e-3 * scale + 1e-30, f"energy rose by {gained / scale:.3g} of its scale"
+
+
+SAMPLE = b"""title = "x"
+size = [0.2, 0.2]
+gravity = [0.0, -9.81]
+edges = { left = "open", right = "wall" }
+[solver]
+kind = "md"
+tolerance = 0.05
+[[grains]]
+positions_file = "grains.csv"
+density = 2650.0
+[[walls]]
+points = [[0.0, 0.1], [0.05, 0.08]]
+[effects.friction]
+mu = 0.5
+"""
+ROWS = b"x,y,radius,vx,vy\n0.05,0.15,0.005,0,0\n0.10,0.15,0.004,0.1,-0.2\n"
+WORDS = [
+    b"nan",
+    b"inf",
+    b"-1",
+    b"1e308",
+    b"1e-320",
+    b"true",
+    b'"',
+    b"[",
+    b"]",
+    b"=",
+    b"\n",
+    b"\x00",
+    b"\xff",
+    b"0x",
+    b"[[walls]]",
+    b",",
+    b"9" * 400,
+]
+
+
+@st.composite
+def broken(draw: Callable, text: bytes) -> bytes:
+    """The text with some bytes cut out, doubled, or replaced by what often breaks a reader; or bytes of no sense."""
+    if draw(st.integers(0, 9)) == 0:
+        return draw(st.binary(max_size=200))
+    for _ in range(draw(st.integers(1, 3))):
+        start = draw(st.integers(0, len(text)))
+        end = min(len(text), start + draw(st.integers(0, 12)))
+        middle = draw(st.one_of(st.sampled_from(WORDS), st.binary(max_size=4), st.just(2 * text[start:end])))
+        text = text[:start] + middle + text[end:]
+    return text
+
+
+def run_command(arguments: list[str]) -> None:
+    """Runs the command; AssertionError unless it ends with a result, or with exit status 1 or 2 and a sentence."""
+    fresh_taichi()
+    done = CliRunner().invoke(cli.app, arguments)
+    assert done.exit_code in (0, 1, 2), f"{arguments}: {done.exit_code} {done.exception!r}"
+    assert done.exception is None or isinstance(done.exception, SystemExit), f"{arguments}: {done.exception!r}"
+
+
+def check_files(folder: Path, toml: bytes, rows: bytes) -> None:
+    """A scene file and the CSV file beside it, run for no time."""
+    (folder / "scene.toml").write_bytes(toml)
+    (folder / "grains.csv").write_bytes(rows)
+    run_command(["run", str(folder / "scene.toml"), "--seconds", "0", "--json", "--threads", "1"])
+
+
+def check_checkpoint(folder: Path, data: bytes) -> None:
+    """A checkpoint that is damaged, or none."""
+    (folder / "state.npz").write_bytes(data)
+    run_command(["run", "--resume", str(folder / "state.npz"), "--seconds", "0", "--json", "--threads", "1"])
+
+
+def checkpoint_bytes(folder: Path) -> bytes:
+    """A small checkpoint as it should be."""
+    fresh_taichi()
+    grains = [{"positions": [[0.05, 0.05]], "radius": 0.005}]
+    sim = sand.Simulation(sand.Scene(size=[0.1, 0.1], grains=grains), arch="cpu", threads=1)
+    sim.save(folder / "good.npz")
+    return (folder / "good.npz").read_bytes()
+
+
+def fuzz(check: Callable, examples: int, *strategies: st.SearchStrategy) -> None:
+    """Calls `check` with so many draws; what it raises is shown with the smallest draw that raises it."""
+    quiet = [HealthCheck.too_slow, HealthCheck.filter_too_much, HealthCheck.data_too_large]
+    phases = [Phase.explicit, Phase.generate, Phase.shrink]
+    rules = settings(max_examples=examples, deadline=None, database=None, derandomize=examples < 200, suppress_health_check=quiet)
+
+    @settings(rules, phases=phases)
+    @given(st.tuples(*strategies))
+    def trial(drawn: tuple[Any, ...]) -> None:
+        check(*drawn)
+
+    trial()
+
+
+def main() -> None:
+    """The command."""
+    parser = argparse.ArgumentParser(description="Draws random scenes and broken files, and says what they break.")
+    parser.add_argument("--examples", type=int, default=200, help="scenes, and as many broken files")
+    parser.add_argument("--seed", type=int, default=0, help="of the structures that are drawn beyond those of the tests")
+    asked = parser.parse_args()
+    random = np.random.default_rng(asked.seed)
+    structures = list(STRUCTURES)
+    for _ in range(asked.examples // 100):
+        kind = str(random.choice(["md", "rigid"]))
+        names = [name for name in effects.fitting(kind) if random.random() < 0.3]
+        structures.append((kind, str(random.choice(SHAPES)), tuple(names)))
+    for structure in structures:
+        print(*structure[:2], *structure[2], flush=True)
+        fuzz(check_scene, max(1, asked.examples // len(structures)), scenes(structure))
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        print("broken files", flush=True)
+        fuzz(lambda toml, rows: check_files(folder, toml, rows), asked.examples // 2, broken(SAMPLE), broken(ROWS))
+        good = checkpoint_bytes(folder)
+        fuzz(lambda data: check_checkpoint(folder, data), asked.examples // 2, broken(good))
+    print("nothing found")
+
+
+if __name__ == "__main__":
+    main()
