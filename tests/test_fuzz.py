@@ -7,7 +7,10 @@ import pytest
 from taichi_sand.study import fuzz
 
 
-@pytest.mark.parametrize("structure", fuzz.STRUCTURES, ids=lambda structure: "-".join([*structure[:2], *structure[2]]))
+FEW = [pytest.param(structure, marks=[pytest.mark.slow] if number > 1 else []) for number, structure in enumerate(fuzz.STRUCTURES)]
+
+
+@pytest.mark.parametrize("structure", FEW, ids=lambda structure: "-".join([*structure[:2], *structure[2]]))
 def test_random_scenes(structure: tuple[str, str, tuple[str, ...]]) -> None:
     """Finite, nobody lost, energy within the gate, a report in order."""
     fuzz.fuzz(fuzz.check_scene, 3, fuzz.scenes(structure))
