@@ -6,7 +6,6 @@ import pytest
 
 from taichi_sand.study import fuzz
 
-
 FEW = [pytest.param(structure, marks=[pytest.mark.slow] if number > 1 else []) for number, structure in enumerate(fuzz.STRUCTURES)]
 
 
