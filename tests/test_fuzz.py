@@ -6,10 +6,10 @@ import pytest
 
 from taichi_sand.study import fuzz
 
-FEW = [pytest.param(structure, marks=[pytest.mark.slow] if number > 1 else []) for number, structure in enumerate(fuzz.STRUCTURES)]
+pytestmark = pytest.mark.slow
 
 
-@pytest.mark.parametrize("structure", FEW, ids=lambda structure: "-".join([*structure[:2], *structure[2]]))
+@pytest.mark.parametrize("structure", fuzz.STRUCTURES, ids=lambda structure: "-".join([*structure[:2], *structure[2]]))
 def test_random_scenes(structure: tuple[str, str, tuple[str, ...]]) -> None:
     """Finite, nobody lost, energy within the gate, a report in order."""
     fuzz.fuzz(fuzz.check_scene, 3, fuzz.scenes(structure))
@@ -17,11 +17,11 @@ def test_random_scenes(structure: tuple[str, str, tuple[str, ...]]) -> None:
 
 def test_broken_scene_files(tmp_path: Path) -> None:
     """Exit 2 with a sentence, or a result."""
-    fuzz.fuzz(lambda toml: fuzz.check_files(tmp_path, toml, fuzz.ROWS), 40, fuzz.broken(fuzz.SAMPLE))
-    fuzz.fuzz(lambda rows: fuzz.check_files(tmp_path, b"# no scene" + fuzz.SAMPLE[9:], rows), 30, fuzz.broken(fuzz.ROWS))
+    fuzz.fuzz(lambda toml: fuzz.check_files(tmp_path, toml, fuzz.ROWS), 12, fuzz.broken(fuzz.SAMPLE))
+    fuzz.fuzz(lambda rows: fuzz.check_files(tmp_path, b"# no scene" + fuzz.SAMPLE[9:], rows), 8, fuzz.broken(fuzz.ROWS))
 
 
 def test_broken_checkpoints(tmp_path: Path) -> None:
     """A checkpoint with any bytes changed is refused, and so are bytes that never were one."""
     good = fuzz.checkpoint_bytes(tmp_path)
-    fuzz.fuzz(lambda data: fuzz.check_checkpoint(tmp_path, data), 60, fuzz.broken(good))
+    fuzz.fuzz(lambda data: fuzz.check_checkpoint(tmp_path, data), 40, fuzz.broken(good))

@@ -7,6 +7,8 @@ from helpers import digest, fresh_taichi
 
 import taichi_sand as sand
 
+pytestmark = pytest.mark.slow
+
 SCENES = {
     "hourglass": ["scale=0.1"],
     "circles": [],
@@ -36,7 +38,6 @@ def test_every_effect_is_covered() -> None:
     assert set(effects.names()) - set(effects.own) <= covered()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_same_bits(name: str, tmp_path: Path) -> None:
     """design.md 7."""
