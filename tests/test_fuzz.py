@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from taichi_sand.study import fuzz
+from taichi_sand import fuzz
 
 pytestmark = pytest.mark.slow
 

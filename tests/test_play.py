@@ -17,8 +17,6 @@ import taichi_sand as sand
 from taichi_sand.play.keys import KEYS, table
 from taichi_sand.scene import loading
 
-pytestmark = pytest.mark.xdist_group("window")  # one process: the tests share a window and follow one another
-
 SCENE = """
 title = "Box"
 size = [0.3, 0.3]

@@ -1,6 +1,6 @@
 """Fuzzing: random valid scenes must stay finite and lose nobody, broken files must be refused in a sentence.
 
-`python -m taichi_sand.study.fuzz --examples 5000` draws so many scenes and so many broken files; it needs the extra `test`. A scene of
+`python -m taichi_sand.fuzz --examples 5000` draws so many scenes and so many broken files; it needs the extra `test`. A scene of
 another structure is compiled anew, so a run draws its structures first and many scenes of each.
 """
 
