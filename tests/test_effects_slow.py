@@ -41,20 +41,6 @@ def test_a_damp_wall_stands_a_minute_and_a_high_one_falls() -> None:
     assert not wall_stands(5.0, 4 * CRITICAL * 5.0, 3.0)
 
 
-def test_the_height_of_a_damp_wall_grows_with_the_bond() -> None:
-    """B17: H_c goes with Bo, and lies between Bo d and 4 * 2.1 Bo d: bracketed by powers of 1.5 for three Bond numbers."""
-    heights = []
-    for bond in (3.0, 6.0, 12.0):
-        share = 0.5
-        while wall_stands(bond, share * CRITICAL * bond, 2.0):
-            share *= 1.5
-            assert share < 4.5
-        heights.append(share * CRITICAL * bond)
-    ratio = np.array(heights) / np.array([3.0, 6.0, 12.0])
-    assert (ratio > 1.0).all() and (ratio < 4 * CRITICAL).all()
-    assert ratio.max() / ratio.min() < 1.6**2
-
-
 def slope(sim: Any) -> float:
     """Angle of the surface of a heap in the left corner [degrees]: a line through the highest grains of its middle part."""
     x, y = sim.positions.T
