@@ -23,6 +23,7 @@ def stream(rate: float, duration: float, threads: int = 1, **keys):
     return sand.Simulation(scene, threads=threads)
 
 
+@pytest.mark.slow
 def test_ten_thousand_come_and_go(tmp_path: Path) -> None:
     """Every grain is accounted for, ids rise and are never given twice; two threads and a resumed run end in the same bits."""
     sim = stream(4000.0, 2.5)

@@ -99,6 +99,7 @@ def box_order(x: np.ndarray, r: np.ndarray) -> tuple[float, float]:
     return float(abs(psi[bulk]).mean()), float(np.bincount(domain).max() / len(x))
 
 
+@pytest.mark.slow
 def test_slow_pouring_orders() -> None:
     """B13: equal discs poured at 0.2 layers per sqrt(d/g) are more ordered than those that fell all at once, and their crystals are
     larger, by more than two standard errors over five boxes; discs of two sizes, 1 : 1.4, stay below 0.65.
