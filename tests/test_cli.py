@@ -77,7 +77,7 @@ def test_the_table_puts_asked_next_to_measured(folder: Path) -> None:
     assert re.search(r"tolerance asked +0\.02 +d *\n.*\n +overlap, mean", text), text
     report = as_json()
     shown = {key: label for keys in GROUPS.values() for key, (label, _) in keys.items() if key in report}
-    assert {"tolerance", "overlap_mean", "overlap_p99", "wall_time_s"} <= set(shown)
+    assert {"tolerance", "overlap_mean", "overlap_p99", "wall_time_s"} <= set(shown) <= {*REPORT, "depth"}
     for label in shown.values():
         assert label in text
 

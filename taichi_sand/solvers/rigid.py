@@ -34,8 +34,8 @@ OVER_RELAXATION = 1.5
 What a sweep does to the velocities u of the contacts is u -> S u; as impulses are carried on, a step does u' = S (2 u - u_before). A
 pattern with the eigenvalue s of S then dies out as z, z^2 = s (2 z - 1). The slow swing of a pile n deep has s = 1 - O(1/n^2), so
 |z|^2 = s: it rings for n^2 steps. Over-relaxation by w multiplies 1 - s by w / (2 - w), at no cost: a pile comes to rest three times
-as soon. But it also turns s of the short patterns into complex numbers, and these have to stay within |z| < 1: columns of up to 1000
-discs rest with 1.5, those of 100 explode with 1.8 (and with 1.3 in both sweeps)."""
+as soon. But it also turns s of the short patterns into complex numbers, and these have to stay within |z| < 1: columns of up to 300
+discs rest with 1.5, those of 100 explode with 1.8, those of 200 with 1.3 in both sweeps."""
 
 
 def constants_type(real: Any, live: Iterable[str]) -> Any:

@@ -22,9 +22,11 @@ def build(grains: list[dict[str, Any]], size: tuple[float, float], kind: str, mu
     return sand.Simulation(sand.Scene(size=size, grains=grains, solver=solver, effects={"friction": {"mu": mu}}, **keys), threads=1)
 
 
+BUCKLES = pytest.mark.xfail(reason="its columns of discs on discs buckle slowly: it falls within 10 s, also at a tolerance of 0.005")
+
+
 @pytest.mark.slow
-@pytest.mark.xfail(reason="its columns of discs on discs buckle slowly: rigid falls within 10 s, also at a tolerance of 0.005")
-@pytest.mark.parametrize("kind", ["rigid", "md"])
+@pytest.mark.parametrize("kind", [pytest.param("rigid", marks=BUCKLES), "md"])
 def test_pyramid_of_squares(kind: str) -> None:
     """C2: base 20, a minute: the top sinks by less than 0.5 % of the height, nothing turns, nothing creeps in the second half."""
     half, base = 2 * R, 20
