@@ -186,7 +186,7 @@ def scaling_table(runs: int, counts: list[int]) -> Table:
     table = Table("solver", "grains", "one thread", "two threads", "speed-up", title="ns per grain and step, a bed at rest")
     for kind in ("rigid", "md"):
         for count in counts:
-            steps = max(40, 3_000_000 // count)
+            steps = max(300, 3_000_000 // count)
             jobs = {str(n): (n, "stepping", count, kind, n, steps) for n in (1, 2)}
             one, two = (row["ns"] for row in medians(runs, jobs).values())
             table.add_row(kind, str(count), f"{one:.1f}", f"{two:.1f}", f"{one / two:.2f}×")

@@ -22,11 +22,11 @@ CHUNK = 512
 PAIRS_PER_GRAIN = 6
 """Room in the pair table per disc: equal discs have 3 pairs each (a pair is listed once), the rest is for the skin and small grains."""
 WALL_PAIRS_PER_GRAIN = 3
-LANES = {"one": 8, "strips": 2, "cells": 1}
+LANES = {"one": 4, "strips": 2, "cells": 1}
 """A block's grains are dealt into this many runs, and its pairs are stored one of each run in turn: consecutive rows then share no
-grain, and a processor works on several at once instead of waiting for the last one's result (twice as fast, measured). In a world too
-large for the caches few runs are better, as a processor fetches only some dozens of streams ahead (100000 grains, md: 36 against 72 ns
-a grain with 8)."""
+grain, and a processor works on several at once instead of waiting for the last one's result. Four are twice as fast as one; more gain
+nothing, and cost where the world no longer fits the caches, as a processor fetches only some dozens of streams ahead (md, ns a grain
+with 2, 4 and 8: 27.8, 26.8, 26.8 for 1000, 32.1, 33.3, 38.3 for 20000 grains; 36, 40, 49 for 100000 in strips)."""
 ABREAST = 16
 """Grains that are looked at together: a vector of the widest processors."""
 FAR = 1e15
