@@ -1,6 +1,7 @@
 """The commands that measure: `cost`, `validate` and `stress`."""
 
 import json
+import os
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,6 +12,7 @@ import taichi_sand
 from taichi_sand import cli
 from taichi_sand.scene.errors import PhysicsError, SandError
 
+CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 ErrorName = Annotated[str, typer.Option("--error", metavar="NAME", help="The error that --target means.")]
 
 
@@ -94,13 +96,16 @@ def stress(
     tolerance: Annotated[list[float] | None, typer.Option("--tolerance", help="Instead of 0.05, 0.02 and 0.01; repeatable.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Without the cases that take minutes.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Prints all gates as JSON, and nothing else, on stdout.")] = False,
+    markdown: Annotated[bool, typer.Option("--markdown", help="Prints a line a case, as the README has it.")] = False,
     film: Annotated[
         Path | None, typer.Option("--film", metavar="DIR", help="Writes a picture of the end of each into this folder.")
     ] = None,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Cases at a time, each in a process of its own; else one a core.")] = CORES,
 ) -> None:
     """Runs the hard cases: a row each, exit 1 if one fails."""
     with cli.in_one_sentence():
         from taichi_sand.study import stress as hard
+        from taichi_sand.study.stress_table import as_markdown, as_table
 
         asked = hard.rows(only, [solver] if solver else hard.SOLVERS, tolerance or hard.TOLERANCES, quick)
         if not asked:
@@ -108,16 +113,14 @@ def stress(
         if film is not None:
             cli.check_writable(film / "any")
             film.mkdir(parents=True, exist_ok=True)
-        done = []
         with cli.progress_bar("stress") as progress:
-            for one in asked:
-                done.append(hard.run(*one, film))
-                if progress:
-                    progress(len(done) / len(asked))
+            done = hard.run_all(asked, min(jobs, len(asked)), film, progress)
         if as_json:
             print(json.dumps([row.to_dict() for row in done]))
+        elif markdown:
+            print(as_markdown(done))
         else:
-            Console(highlight=False, width=None if Console().is_terminal else 160).print(hard.as_table(done))
+            Console(highlight=False, width=None if Console().is_terminal else 160).print(as_table(done))
         failed = [row for row in done if not row.passed]
         if failed:
             raise PhysicsError(f"{len(failed)} of {len(done)} rows; the first is {failed[0].case}, {failed[0].solver}")

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-import taichi_sand as sand
 from taichi_sand.study.laboratory import D, Disc, G, M, R, chain_forces, simulate
 from taichi_sand.study.stress import DOWN, UNIT, Gate, Watch, case, poured
 
@@ -47,12 +46,15 @@ def tower(solver: dict[str, Any]) -> Iterator[Gate]:
 
 @case("heavy-on-light", "a disc 1000 times as heavy falls on three that fill the floor (C3)")
 def heavy_on_light(solver: dict[str, Any]) -> Iterator[Gate]:
-    """C3."""
+    """C3: settled in 3 s; with md in 12. The dashpot of a contact has the restitution of its pair, so it goes with the light mass m, and
+    a step can follow no stronger one: the heavy disc, M, rocks on light ones with a decay rate of about 0.16 sqrt(k m) / M, 0.7 / s at
+    tolerance 0.05.
+    """
     light = [Disc(R + k * D, R) for k in (0, 1, 2)]
-    heavy = Disc(1.5 * D, R + 2 * D, radius=1.5 * R, density=1000 * M / (math.pi * (1.5 * R) ** 2))
+    heavy = Disc(1.6 * D, R + 2 * D, radius=1.5 * R, density=1000 * M / (math.pi * (1.5 * R) ** 2))
     sim = simulate([*light, heavy], (3 * D, 8 * D), solver, gravity=DOWN, mu=0.5)
     watch = Watch(sim, drop=3 * D)
-    watch.run(3.0)
+    watch.run(12.0 if solver["kind"] == "md" else 3.0)
     yield from watch.bounded()
     yield Gate("overlap max / d", watch.last["overlap_max"], 0.1)
     yield Gate("speed max / sqrt(g d)", watch.last["speed_max_m_s"] / UNIT, 1e-3)
@@ -94,55 +96,6 @@ def light_to_heavy(solver: dict[str, Any]) -> Iterator[Gate]:
     yield from watch.bounded()
     yield Gate("overlap max / d", watch.last["overlap_max"], 0.1)
     yield Gate("speed max / sqrt(g d)", watch.last["speed_max_m_s"] / UNIT, 1e-3)
-
-
-def squares(base: int, size: tuple[float, float], solver: dict[str, Any]) -> Any:
-    """A pyramid of squares of four discs, `base` of them in the lowest row."""
-    side = 4 * R
-    rows = [[size[0] / 2 + (k - 0.5 * (base - 1 - row)) * side, side * (row + 0.5)] for row in range(base) for k in range(base - row)]
-    return simulate([{"shape": "square", "radius": R, "positions": rows}], size, solver, gravity=DOWN, mu=0.6)
-
-
-@case("pyramid", "a pyramid of squares of four discs, 6 in the lowest row (C2)")
-def pyramid(solver: dict[str, Any]) -> Iterator[Gate]:
-    """C2."""
-    yield from stands(squares(6, (0.2, 0.14), solver), solver, 4 * R * 6, 4.0)
-
-
-@case("large-pyramid", "a pyramid of squares of four discs, 20 in the lowest row, 60 s (C2)", quick=False)
-def large_pyramid(solver: dict[str, Any]) -> Iterator[Gate]:
-    """C2."""
-    yield from stands(squares(20, (0.5, 0.44), solver), solver, 4 * R * 20, 60.0)
-
-
-def stands(sim: Any, solver: dict[str, Any], height: float, seconds: float) -> Iterator[Gate]:
-    """What was built with care sinks by no more than 0.5 % of its height, and what its overlaps take."""
-    before = sim.positions
-    watch = Watch(sim, drop=height)
-    watch.run(seconds, every=seconds / 60)
-    yield from watch.bounded()
-    yield from watch.resting(solver["tolerance"])
-    sunk = before[:, 1].max() - sim.positions[np.argmax(before[:, 1]), 1]
-    layers = height / (2 * sim.bed.diameter)
-    yield Gate("top sank / (0.5 % H + overlaps)", float(sunk / (0.005 * height + layers * solver["tolerance"] * sim.bed.diameter)), 1.0)
-
-
-@case("arch", "an arch of 17 wedges of four discs each, mu = 0.6 (C13)")
-def arch(solver: dict[str, Any]) -> Iterator[Gate]:
-    """C13: discs whose radii grow with the distance from the middle touch the joints of the wedges; the ends stand on the floor."""
-    inner, wedge = 0.1, math.pi / 17
-    rim = math.sin(wedge / 2)
-    discs = [[1.0 + 0.1 * k, 0.0, (1.0 + 0.1 * k) * rim] for k in range(4)]
-    form = sand.Scene(size=[1, 1], shapes=[{"name": "wedge", "discs": discs}]).form("wedge")
-    centre = 1.0 - form.discs[0, 0] * form.reach
-    rows = []
-    for k in range(17):
-        angle = (k + 0.5) * wedge
-        place = inner * centre * np.array([math.cos(angle), math.sin(angle)])
-        rows.append([0.16 + place[0], place[1], inner, 0.0, 0.0, angle])
-    grains = [{"shape": "wedge", "positions": rows}]
-    sim = simulate(grains, (0.32, 0.2), solver, gravity=DOWN, mu=0.6, shapes=[{"name": "wedge", "discs": discs}])
-    yield from stands(sim, solver, inner * 1.42, 4.0)
 
 
 @case("asleep", "a pile of 300 discs falls asleep, does not move a bit, and wakes when gravity turns (C15)")

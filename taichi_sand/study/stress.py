@@ -7,12 +7,14 @@ use, so that the same case tries both solvers at several tolerances.
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.table import Table
 
 from taichi_sand.study.laboratory import D, G, R, simulate
 from taichi_sand.world import device
@@ -22,6 +24,8 @@ SOLVERS = ("md", "rigid")
 DOWN = (0.0, -G)
 UNIT = math.sqrt(G * D)
 """Speed sqrt(g d) of discs of 1 cm [m/s]."""
+PILE = {"radius": R, "count": 300, "fill": "hexagonal", "region": [0.0, 0.0, 0.3, 0.2]}
+"""300 discs that touch one another, on the floor of a box 0.3 m wide."""
 EXPLOSION = 1e3
 """Measured value of a gate that could not be measured, as numbers in it are not finite."""
 
@@ -38,6 +42,13 @@ class Gate:
     def passed(self) -> bool:
         """Whether it is a number and within the limit."""
         return bool(np.isfinite(self.measured) and self.measured <= self.most)
+
+    @property
+    def share(self) -> float:
+        """How much of the limit is used up; infinite where there must be nothing and is something."""
+        if self.measured <= 0.0:
+            return 0.0
+        return self.measured / self.most if self.most and np.isfinite(self.measured) else math.inf
 
 
 @dataclass(frozen=True)
@@ -70,12 +81,17 @@ class Row:
     @property
     def tightest(self) -> Gate | None:
         """The gate that failed, or came nearest to it."""
-        shares = [gate.measured / gate.most if gate.most else gate.measured * np.inf if gate.measured else 0.0 for gate in self.gates]
-        return self.gates[int(np.argmax(np.nan_to_num(shares, nan=np.inf)))] if self.gates else None
+        return max(self.gates, key=lambda gate: gate.share, default=None)
 
     def to_dict(self) -> dict[str, Any]:
         """For --json."""
-        return {**asdict(self), "gates": [{**asdict(gate), "passed": gate.passed} for gate in self.gates], "passed": self.passed}
+        gates = [{**asdict(gate), "measured": number(gate.measured), "passed": gate.passed} for gate in self.gates]
+        return {**asdict(self), "gates": gates, "passed": self.passed}
+
+
+def number(value: float) -> float | None:
+    """As JSON may have it."""
+    return float(value) if np.isfinite(value) else None
 
 
 CASES: dict[str, Case] = {}
@@ -93,7 +109,7 @@ def case(name: str, setup: str, quick: bool = True) -> Callable:
 
 def rows(only: str, solvers: Iterable[str], tolerances: Iterable[float], quick: bool = False) -> list[tuple[Case, str, float]]:
     """All (case, solver, tolerance) to run: those cases whose name holds `only`."""
-    from taichi_sand.study import hard_changes, hard_contacts, hard_piles  # noqa: F401 - they enter the cases
+    from taichi_sand.study import hard_changes, hard_contacts, hard_piles, hard_structures, hard_walls  # noqa: F401 - they enter the cases
 
     chosen = [c for c in CASES.values() if only in c.name and (c.quick or not quick)]
     return [(c, solver, tolerance) for c in chosen for solver in solvers for tolerance in tolerances]
@@ -114,6 +130,28 @@ def run(one: Case, solver: str, tolerance: float, film: Path | None = None) -> R
     return row
 
 
+def run_all(asked: list[tuple[Case, str, float]], jobs: int, film: Path | None, progress: Callable[[float], None] | None) -> list[Row]:
+    """Runs them in `jobs` processes; `progress` is called with the share done. Those that take long start first, and a case at its
+    other tolerances later, when its kernels lie in the cache.
+    """
+    done: dict[int, Row] = {}
+    order = sorted(range(len(asked)), key=lambda k: (asked[k][0].quick, [tolerance for _, _, tolerance in asked].index(asked[k][2])))
+    with ProcessPoolExecutor(jobs, get_context("spawn")) if jobs > 1 else nullcontext() as pool:
+        waiting = {pool.submit(run_named, asked[k][0].name, *asked[k][1:], film): k for k in order} if pool else {}
+        for one in as_completed(waiting) if pool else order:
+            k = waiting[one] if pool else one
+            done[k] = one.result() if pool else run(*asked[k], film)
+            if progress:
+                progress(len(done) / len(asked))
+    return [done[k] for k in range(len(asked))]
+
+
+def run_named(name: str, solver: str, tolerance: float, film: Path | None) -> Row:
+    """`run`, in a process of its own."""
+    rows("", (), ())
+    return run(CASES[name], solver, tolerance, film)
+
+
 def picture(path: Path) -> None:
     """Writes what the simulation at hand looks like, once at any moment of it."""
     from PIL import Image
@@ -126,17 +164,6 @@ def picture(path: Path) -> None:
 
 pictured: dict[Path, tuple[int, int]] = {}
 """By file: the simulation, and how many steps it had done."""
-
-
-def as_table(done: list[Row]) -> Table:
-    """For the terminal: of every row the gate that failed, or came nearest to it."""
-    table = Table("case", "set-up", "solver", "tolerance", "gate", "measured", "at most", "verdict", header_style="bold", box=None)
-    for row in done:
-        gate = row.tightest
-        cells = (gate.what, f"{gate.measured:.3g}", f"{gate.most:.3g}") if gate and not row.error else (row.error or "no gate", "", "")
-        verdict = "passed" if row.passed else "failed"
-        table.add_row(row.case, row.setup, row.solver, f"{row.tolerance:g}", *cells, verdict, style="" if row.passed else "#E5534B")
-    return table
 
 
 class Watch:
@@ -171,16 +198,17 @@ class Watch:
             self.sim.advance(every)
             self.look(self.sim.report())
 
-    def bounded(self, parting: bool = False) -> Iterator[Gate]:
-        """Finite, nobody lost, no speed and no energy out of nothing; of grains that start in one another (`parting`) the energy may
-        rise, as they have to be lifted off one another: by no more than their weight times d.
+    def bounded(self, parting: float | None = None) -> Iterator[Gate]:
+        """Finite, nobody lost, no speed and no energy out of nothing.
+
+        Grains that start in one another have to be lifted off one another: their energy may rise by what the same heap has without
+        overlaps, `parting` [m g d a grain], and half an m g d a grain, which is what they have when they part at sqrt(g d).
         """
-        finite = all(np.isfinite(values).all() for values in (self.sim.positions, self.sim.velocities, self.sim.spins))
-        yield Gate("numbers that are not finite", 0.0 if finite else EXPLOSION, 0.0)
-        yield Gate("grains lost", self.grains - inside(self.sim), 0.0)
+        yield from sound(self.sim, self.grains)
         yield Gate("top speed / possible", self.top_speed / self.fastest, 1.0)
-        if parting:
-            yield Gate("energy of parting / m g d a grain", self.top_energy / (self.weight / self.drop * self.sim.bed.diameter), 1.0)
+        if parting is not None:
+            unit = self.weight / self.drop * self.sim.bed.diameter
+            yield Gate("energy of parting / that of the heap undone and m g d / 2 a grain", self.top_energy / unit / (parting + 0.5), 1.0)
         else:
             yield Gate("energy out of nothing / m g H", self.top_energy / self.weight if self.weight else 0.0, 1e-3)
 
@@ -189,6 +217,21 @@ class Watch:
         unit = np.sqrt(np.hypot(*self.sim.scene.gravity) * 2 * self.sim.radii.mean())
         yield Gate("overlap p99 / tolerance", self.last["overlap_p99"] / tolerance, 1.0)
         yield Gate("rms speed / sqrt(g d)", float(np.sqrt((self.sim.velocities**2).sum(1).mean()) / unit), 1e-3)
+
+
+def sound(sim: Any, count: int) -> Iterator[Gate]:
+    """All numbers finite, and all `count` grains in the box."""
+    finite = all(np.isfinite(values).all() for values in (sim.positions, sim.velocities, sim.spins))
+    yield Gate("numbers that are not finite", 0.0 if finite else EXPLOSION, 0.0)
+    yield Gate("grains lost", count - inside(sim), 0.0)
+
+
+def at_rest(sim: Any, drop: float, seconds: float, tolerance: float) -> Iterator[Gate]:
+    """Bounded for so long, and at rest after it."""
+    watch = Watch(sim, drop)
+    watch.run(seconds)
+    yield from watch.bounded()
+    yield from watch.resting(tolerance)
 
 
 def inside(sim: Any) -> int:

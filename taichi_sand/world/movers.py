@@ -24,8 +24,9 @@ MOST_PUSH = 1000.0
 RESPONSE = 0.02
 """Time in which a motor gets up to speed [s], at least; and so much that it has the inertia of HEAVIER rows of grains."""
 HEAVIER = 4.0
-JAMMED, TOLERANCES = 0.06, 3.0
-"""Overlap with a wall at which it slows down: in mean diameters, or, if that is more, in tolerances. It waits at half as much again."""
+JAMMED, TOLERANCES = 0.06, {"md": 3.0, "rigid": 1.5}
+"""Overlap with a wall at which it slows down: in mean diameters, or, if that is more, in tolerances. It waits at half as much again. Rigid
+grains squeezed by a wall overlap one another several times as deep as the wall."""
 BLUR = {"md": 20.0, "rigid": 1.0}
 """Steps over which that overlap is averaged: soft grains that hit a wall overlap for as long as a collision lasts, which is no jam."""
 

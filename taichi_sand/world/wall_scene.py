@@ -66,7 +66,7 @@ def set_patience(world: World, kind: str, tolerance: float) -> None:
     """How deep grains may be pressed into a moving wall before it slows down: solver, and overlap allowed at rest [d]."""
     if world.moves:
         world.movers.blur[None] = BLUR[kind]
-        world.movers.jam[None] = max(JAMMED, TOLERANCES * tolerance) * world.box[None].diameter
+        world.movers.jam[None] = max(JAMMED, TOLERANCES[kind] * tolerance) * world.box[None].diameter
 
 
 def lay_walls(

@@ -1,0 +1,112 @@
+"""Hard cases of `taichi-sand stress`: what is built of clumps, or held together by bonds (physics.md C)."""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+import taichi_sand as sand
+from taichi_sand.study.laboratory import D, G, R, simulate
+from taichi_sand.study.stress import DOWN, Gate, Watch, case
+from taichi_sand.world.links import ends_of
+
+
+def squares(base: int, size: tuple[float, float], solver: dict[str, Any]) -> Any:
+    """A pyramid of squares of four discs, `base` of them in the lowest row."""
+    side = 4 * R
+    rows = [[size[0] / 2 + (k - 0.5 * (base - 1 - row)) * side, side * (row + 0.5)] for row in range(base) for k in range(base - row)]
+    return simulate([{"shape": "square", "radius": R, "positions": rows}], size, solver, gravity=DOWN, mu=0.6)
+
+
+@case("pyramid", "a pyramid of squares of four discs, 6 in the lowest row (C2)")
+def pyramid(solver: dict[str, Any]) -> Iterator[Gate]:
+    """C2."""
+    yield from stands(squares(6, (0.2, 0.14), solver), solver, 4 * R * 6, 3.0, 4.0)
+
+
+@case("large-pyramid", "a pyramid of squares of four discs, 20 in the lowest row, 60 s (C2)", quick=False)
+def large_pyramid(solver: dict[str, Any]) -> Iterator[Gate]:
+    """C2."""
+    yield from stands(squares(20, (0.5, 0.44), solver), solver, 4 * R * 20, 10.0, 60.0)
+
+
+def stands(sim: Any, solver: dict[str, Any], height: float, joints: float, seconds: float) -> Iterator[Gate]:
+    """What was built with care, `height` [m] high, sinks by no more than 0.5 % of that, and by what so many joints of it may close: the
+    tolerance each.
+    """
+    before = sim.positions
+    watch = Watch(sim, drop=height)
+    watch.run(seconds, every=seconds / 60)
+    yield from watch.bounded()
+    yield from watch.resting(solver["tolerance"])
+    sunk = before[:, 1].max() - sim.positions[np.argmax(before[:, 1]), 1]
+    allowed = 0.005 * height + joints * solver["tolerance"] * sim.bed.diameter
+    yield Gate("top sank / (0.5 % H + joints closed)", float(sunk / allowed), 1.0)
+
+
+@case("arch", "an arch of 17 wedges of four discs each, mu = 0.6 (C13)")
+def arch(solver: dict[str, Any]) -> Iterator[Gate]:
+    """C13: discs whose radii grow with the distance from the middle touch the joints of the wedges; the ends stand on the floor."""
+    inner, wedge = 0.1, math.pi / 17
+    rim = math.sin(wedge / 2)
+    discs = [[1.0 + 0.1 * k, 0.0, (1.0 + 0.1 * k) * rim] for k in range(4)]
+    form = sand.Scene(size=[1, 1], shapes=[{"name": "wedge", "discs": discs}]).form("wedge")
+    centre = 1.0 - form.discs[0, 0] * form.reach
+    rows = []
+    for k in range(17):
+        angle = (k + 0.5) * wedge
+        place = inner * centre * np.array([math.cos(angle), math.sin(angle)])
+        rows.append([0.16 + place[0], place[1], inner, 0.0, 0.0, angle])
+    grains = [{"shape": "wedge", "positions": rows}]
+    sim = simulate(grains, (0.32, 0.2), solver, gravity=DOWN, mu=0.6, shapes=[{"name": "wedge", "discs": discs}])
+    yield from stands(sim, solver, inner * 1.42, 17 * 2 / math.pi, 4.0)  # a half-circle is lower by 2 / pi of what it is shorter
+
+
+@case("huge-pyramid", "a pyramid of squares of four discs, 100 in the lowest row, 2 s (C2)", quick=False)
+def huge_pyramid(solver: dict[str, Any]) -> Iterator[Gate]:
+    """C2: with 5050 squares 60 s would take an hour."""
+    yield from stands(squares(100, (2.2, 2.2), solver), solver, 4 * R * 100, 50.0, 2.0)
+
+
+@case("cards", "two pairs of bars of three discs, leaning by 25 degrees on one another, and a bar of seven across, mu = 0.7 (C14)")
+def cards(solver: dict[str, Any]) -> Iterator[Gate]:
+    """C14: the bar across bears on the tops alone, straight down."""
+    lean = math.radians(25.0)
+    rise, out = 4 * R * math.cos(lean), 4 * R * math.sin(lean)
+    rows = []
+    for middle in (0.1 - 5 * R, 0.1 + 5 * R):
+        for side in (-1, 1):
+            rows.append([middle + side * (R + out / 2), R + rise / 2, R, 0.0, 0.0, math.pi / 2 + side * lean])
+    across = {"name": "across", "discs": [[2.0 * k, 0.0, 1.0] for k in range(-3, 4)]}
+    grains = [{"shape": "3x1", "positions": rows}, {"shape": "across", "positions": [[0.1, 3 * R + rise, R]]}]
+    sim = simulate(grains, (0.2, 0.1), solver, gravity=DOWN, mu=0.7, shapes=[across])
+    yield from stands(sim, solver, rise + 4 * R, 3.0, 10.0)
+
+
+@case("bonds", "triangles of bonded discs so stiff that the step of the contacts would be 2.5 / omega (C12)")
+def bonds(solver: dict[str, Any]) -> Iterator[Gate]:
+    """C12: a step of one's own beyond the limit is refused; without one the step follows the bonds, and they stay what they are."""
+    grains = [{"shape": "triangle", "radius": R, "count": 12, "region": [0.0, 0.0, 0.2, 0.2], "angle": "random", "bonded": True}]
+    plain = simulate([{**grains[0], "bonded": False}], (0.2, 0.2), solver, gravity=DOWN, mu=0.5).step
+    weights = (2.5 / plain) ** 2 * D / (2 * G)  # of a pair: omega^2 = 2 k / m
+    effects = {"friction": {"mu": 0.5}, "bonds": {"stiffness": weights}}
+    yield Gate("too long a step not refused", float(not refused(grains, {**solver, "step": plain}, effects)), 0.0)
+    sim = simulate(grains, (0.2, 0.2), solver, gravity=DOWN, effects=effects)
+    watch = Watch(sim, drop=0.2)
+    watch.run(2.0)
+    yield from watch.bounded()
+    yield Gate("step times omega", sim.step * 2.5 / plain, 2.0)
+    ends = ends_of(sim.world, 1)
+    yield Gate("bonds broken", 36 - len(ends), 0.0)
+    stretch = np.hypot(*(sim.positions[ends[:, 1]] - sim.positions[ends[:, 0]]).T) / D - 1
+    yield Gate("bond stretched / (12 weights + tolerance)", float(np.abs(stretch).max() / (12 / weights + solver["tolerance"])), 1.0)
+
+
+def refused(grains: list[dict[str, Any]], solver: dict[str, Any], effects: dict[str, Any]) -> bool:
+    """Whether the step of `solver` is said to be more than the bonds allow."""
+    try:
+        simulate(grains, (0.2, 0.2), solver, gravity=DOWN, effects=effects)
+    except sand.SandError as error:
+        return "beyond what the effects of this scene allow" in str(error)
+    return False
