@@ -32,7 +32,7 @@ REFERENCE_STEPS, LEAST_REFERENCE_STEPS = 0.03, 10.0
 """The slow reference impulse follows in REFERENCE_STEPS n^2 steps, but not in less than 10: as slowly as the slowest swing of a pile n
 deep dies out (1D columns of 5 to 300 discs: a quarter of it still rests, but rings longer; four times as much only rests later)."""
 LONGEST_FALL = 0.5
-"""Rigid: no step is longer than this, in sqrt(d / g)."""
+"""Rigid: no step is longer than this, in sqrt(d / g): at 0.7 grains of a pile are found outside the box, and have to be put back."""
 FASTEST = 0.95
 """Rigid: speed cap in diameters a step. Two grains then approach by less in a step than a search can foresee, MOST_SLACK diameters."""
 FALL = 0.9

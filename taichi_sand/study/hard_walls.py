@@ -31,7 +31,7 @@ def squeeze(solver: dict[str, Any]) -> Iterator[Gate]:
         sim.advance(0.5)
         yield Gate("overlap max / d", deepest, 0.5)
         yield Gate("grains lost, or behind the piston", 150 - int((sim.positions[:, 0] > piston_at(sim)).sum()), 0.0)
-        yield Gate("piston moved on / d", abs(piston_at(sim) - stood) / D, 0.01)
+        yield Gate("piston went on / d", (piston_at(sim) - stood) / D, 0.01)
         if force:
             pushes = [-c.force[0] * c.normal[0] + c.force[1] * c.normal[1] for c in listed(sim) if c.wall and c.second == PISTON]
             yield Gate("force on the piston off its own", abs(sum(pushes) / force - 1), 0.02)
