@@ -99,7 +99,7 @@ class Session:
 
     def go_to(self, moment: Snapshot) -> None:
         """Goes to a moment, bit for bit."""
-        self.sim = self._ready(moment.host["scene"])
+        self._take(self._ready(moment.host["scene"]))
         restore(self.sim, moment)
         self.over = dict(moment.session.get("over", {}))
         if "rng" in moment.session:
@@ -134,13 +134,19 @@ class Session:
             now = self.moment()
             self.drop()
             self.go_to(now)
+        if self.sim.world.sleeps:
+            self.sim.renew()  # wakes everybody
         now, new = self.moment(), self._ready(scene)
         if new is not self.sim:
             transfer.hand_over(self.sim, new, now)
-            self.sim = new
-            if self.look["color"] not in views_of(new.world):
-                self.look["color"] = KIND
+            self._take(new)
         self.retune(scene)
+
+    def _take(self, sim: Simulation) -> None:
+        """Goes on with `sim`; colours that it has not are shown no more."""
+        self.sim = sim
+        if self.look["color"] not in views_of(sim.world):
+            self.look["color"] = KIND
 
     def retune(self, scene: Scene) -> None:
         """Takes over the numbers of `scene`, and the unphysical ones."""

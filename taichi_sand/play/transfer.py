@@ -12,6 +12,7 @@ from taichi_sand.simulation import Simulation
 from taichi_sand.solvers import choose
 from taichi_sand.world.census import link_lines
 from taichi_sand.world.checkpoint import read_field
+from taichi_sand.world.naps import start_awake
 from taichi_sand.world.tables import World
 from taichi_sand.world.wall_scene import change_walls
 
@@ -50,7 +51,10 @@ def columns_of(sim: Simulation) -> list[str]:
 
 
 def hand_over(old: Simulation, new: Simulation, moment: Snapshot) -> None:
-    """Gives `new` the grains, walls and pairs of `old`, whose moment this is; pairs keep their force, and what both solvers know."""
+    """Gives `new` the grains, walls and pairs of `old`, whose moment this is; pairs keep their force, and what both solvers know.
+
+    Nobody may sleep in `old`: sleepers have laid by what moves them.
+    """
     change_walls(new.world, new.scene, old.scene)
     targets = tables_of(new)
     tables = {name: table for name, table in tables_of(old).items() if name.split(".")[2:3] and name.startswith(".0.")}
@@ -70,6 +74,8 @@ def hand_over(old: Simulation, new: Simulation, moment: Snapshot) -> None:
             counts.fill(0)  # no pair is remembered
     if new.world.linked and not old.world.linked:
         let_go(new.world)
+    if new.world.sleeps:
+        start_awake(new.world.naps, int(new.world.count[None]))
     pace = read_field(old.world.pace)
     new.world.pace.from_numpy({key[1:]: value for key, value in pace.items()})
     new.world.grains.wrench.fill(0.0)

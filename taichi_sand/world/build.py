@@ -15,7 +15,7 @@ from taichi_sand.world.carried import allocate_carried
 from taichi_sand.world.clumps import build_shapes
 from taichi_sand.world.grid import allocate_grid
 from taichi_sand.world.links import build_links
-from taichi_sand.world.naps import allocate_naps
+from taichi_sand.world.naps import allocate_naps, start_awake
 from taichi_sand.world.pairs import LEAST_SKIN, LEAST_SLACK, MOST_REACH, MOST_SKIN, MOST_SLACK
 from taichi_sand.world.sinks import build_flow
 from taichi_sand.world.tables import (
@@ -189,7 +189,7 @@ def fill(world: World, pack: Pack) -> None:
         field.from_numpy(whole)
     world.count[None] = count
     if world.sleeps:
-        world.naps.state[None].awake = count
+        start_awake(world.naps, count)
 
 
 def read_grains(world: World) -> dict[str, np.ndarray]:

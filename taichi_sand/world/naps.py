@@ -74,6 +74,14 @@ def allocate_naps(real: Any, capacity: int, sites: tuple[int, int]) -> Naps:
     )
 
 
+def start_awake(naps: Naps, count: int) -> None:
+    """The `count` grains there are have come from elsewhere: none of them sleeps, or has been still."""
+    naps.state.fill(0)
+    naps.state[None].awake = count
+    naps.still.fill(0.0)
+    naps.woken.fill(0)
+
+
 @ti.func
 def site_of(w: ti.template(), x, y):
     """Number of lattice site (x, y), the nearest one of the box, or the one that it is where the box is periodic."""
