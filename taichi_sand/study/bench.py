@@ -27,6 +27,12 @@ SECONDS = 2.0
 BED_DEPTH = 30
 """Layers of the bed at rest that shows what a step costs: as deep for any number of grains, so that step and state are the same."""
 
+FRONTS = {
+    5000: ((0.1, 0.04, 0.02, 0.01, 0.005), (480, 960, 1920), ("-f 240 -it 8 -pit 4", "-f 480 -it 8 -pit 4", "-f 960 -it 8 -pit 4")),
+    20000: ((0.3, 0.08, 0.04, 0.02), (240,), ("-f 240 -it 10 -pit 5", "-f 480 -it 8 -pit 4")),
+}
+"""By number of grains: our tolerances, steps a second of pymunk (10 iterations), settings of the native rigid program."""
+
 
 def settle(count: int, overrides: list[str]) -> Any:
     """The settle scene with `count` grains."""
@@ -220,15 +226,11 @@ def main() -> None:
     if given.window:
         console.print(window_table(runs))
         return
-    settings = {
-        5000: ((0.04, 0.02, 0.01), 1 / 960, ["-f", "480", "-it", "8", "-pit", "4"]),
-        20000: ((0.3, 0.08, 0.04), 1 / 240, ["-f", "240", "-it", "10", "-pit", "5"]),
-    }
-    for count, (ladder, step, options) in settings.items():
+    for count, (ladder, steps, programs) in FRONTS.items():
         if count <= given.most:
-            peers = {f"pymunk 1/{round(1 / step)} s": (1, "pymunk", count, step, 10)}
-            if folder:
-                peers["floor_rigid"] = (1, "native", str(folder / "floor_rigid"), count, options)
+            peers = {f"pymunk 1/{n} s": (1, "pymunk", count, 1 / n, 10) for n in steps}
+            for options in programs if folder else ():
+                peers[f"floor_rigid {options}"] = (1, "native", str(folder / "floor_rigid"), count, options.split())
             console.print(rigid_table(runs, count, ladder, peers))
     console.print(md_table(runs, [n for n in (1000, 5000, 20000) if n <= given.most], folder))
     console.print(scaling_table(runs, [1000, 5000, 20000, 100_000]))
