@@ -39,8 +39,11 @@ BATCH = 8
 
 
 @ti.kernel
-def march(w: ti.template(), s: ti.template(), steps: ti.i32):
-    """`steps` steps with all searches they need, in one launch, on one thread (layout "one"); leaves the pairs of the moment."""
+def march(w: ti.template(), s: ti.template(), steps: ti.i32) -> ti.i32:
+    """`steps` steps with all searches they need, in one launch, on one thread (layout "one"); leaves the pairs of the moment.
+
+    Returns 1 if it stopped early, as somebody is to wake or to fall asleep.
+    """
     ti.loop_config(serialize=True)
     for _run in range(1):
         for k in range(steps + 1):
@@ -49,6 +52,7 @@ def march(w: ti.template(), s: ti.template(), steps: ti.i32):
             if k < steps and not called(w):
                 s.step(w, s)
                 close_step(w)
+    return ti.cast(called(w), ti.i32)
 
 
 @ti.kernel
@@ -183,7 +187,7 @@ class Simulation(Readings):
 
     def _look(self) -> None:
         """Stiffness and step follow the depth of a pile that has grown."""
-        if not self.count or not self.bed.gravity or (self.world.sleeps and not self.world.naps.state[None].awake):
+        if not self.count or not self.bed.gravity or self._sleepy():
             return
         numbers, whole = census.places(self.world)
         free = whole[:, 2] == 0
@@ -192,6 +196,14 @@ class Simulation(Readings):
             depth, load = depth_of(numbers[free, :2], radius[free], 1 / numbers[free, 3], self.scene.gravity)
             if depth > GROWTH * self.bed.depth or load > GROWTH * self.bed.load:
                 self._adopt(self.scene, replace(self.bed, depth=max(depth, self.bed.depth), load=max(load, self.bed.load)), {})
+
+    def _sleepy(self) -> bool:
+        """Whether this look can be left out: with few awake a pile grows more slowly, with nobody not at all."""
+        if not self.world.sleeps:
+            return False
+        awake = self.world.naps.state[None].awake
+        number = (self.steps - self.epoch[0]) // self._look_every()
+        return not awake or number % max(1, math.floor((GROWTH - 1) * self.count / awake)) != 0
 
     def wet(self, x: float, y: float, radius: float, amount: float) -> int:
         """Adds `amount` (below 0: takes water away) to the wetness, 0 … 1, of the grains within `radius` of (x, y) [m], and wakes who
@@ -268,15 +280,15 @@ class Simulation(Readings):
     def _march(self, count: int) -> None:
         end = self.steps + count
         if self.world.layout == "one":
-            march(self.world, self.solver, count)
-            while self._rearranged():
-                march(self.world, self.solver, end - self.world.pace[None].done)
-            ti.sync()
+            while march(self.world, self.solver, count):
+                self._rearrange()
+                count = end - self.world.pace[None].done
             return
         while True:
             if self.world.pace[None].spent:
                 search_now(self.world)
-            if self._rearranged():
+            if self.world.sleeps and self.world.naps.state[None].due:
+                self._rearrange()
                 continue
             done = self.world.pace[None].done
             if done == end:
@@ -284,13 +296,10 @@ class Simulation(Readings):
             for _ in range(min(BATCH, end - done)):
                 step_alone(self.world, self.solver)
 
-    def _rearranged(self) -> bool:
-        """Puts those who are to wake or to fall asleep where they belong, if somebody is; whether there was."""
-        if not self.world.sleeps or not self.world.naps.state[None].due:
-            return False
+    def _rearrange(self) -> None:
+        """Puts those who are to wake or to fall asleep where they belong."""
         rearrange(self.world, self.solver)
         self._renew_solver()
-        return True
 
     @contextmanager
     def _stage(self, name: str) -> Any:

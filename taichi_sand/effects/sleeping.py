@@ -16,7 +16,7 @@ from taichi_sand.world.naps import watch
 PARAMETERS = (
     Parameter("speed", 1e-3, "below it a grain is still", "sqrt(g d)", low=0.0, high=0.1),
     Parameter("time", 0.5, "how long a grain and all around it must be still", "s", low=0.0, high=1e3),
-    Parameter("share", 0.1, "imbalance of the forces on a sleeper that wakes it, over weight and contact forces", low=0.0, high=10.0),
+    Parameter("share", 0.3, "imbalance of the forces on a sleeper that wakes it, over weight and contact forces", low=0.0, high=10.0),
     Parameter("impact", 0.3, "approach of a grain that wakes a sleeper before it is hit", "sqrt(g d)", low=0.0, high=1e3),
 )
 SOLVERS = ("md", "rigid")

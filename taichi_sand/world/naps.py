@@ -17,10 +17,12 @@ from taichi_sand.world.tables import round_up
 
 ASLEEP = 1e9
 """`still` of a sleeper [s]."""
-FEWEST = 0.01
-"""Share of the grains that must be ready to sleep for it to be worth the search."""
-LOOKS = 6
-"""Looks from one choice of new sleepers to the next."""
+PRICE, LAST = 8.0, 100
+"""Laying grains down costs as much as PRICE steps of all there are; that nobody is awake spares as much as LAST grains. It is done when
+those who could have slept have cost as much: so it never costs more than what it could have spared, however long they will sleep."""
+MOST_PRICE = 64.0
+"""Where it lays nobody down, as all are restless around those who are still, it is tried half as often the next time, but not less than
+every so many times its price."""
 
 
 class Naps(NamedTuple):
@@ -50,8 +52,9 @@ def state_type(real: Any) -> Any:
         asleep=ti.i32,
         moved=ti.i32,  # 1 = slots have been rearranged since the last search
         due=ti.i32,  # 1 = somebody must wake, or a slot has fallen empty, before the next step
-        looks=ti.i32,  # how often it was looked who is still
         seen=ti.i32,  # steps done when it was looked last
+        owed=real,  # steps of single grains that those who could have slept have cost
+        price=real,  # how much of that laying grains down is worth now, over PRICE steps of all
         impact=real,  # approach that wakes a sleeper before it is hit [m/s]
     )
 
@@ -77,7 +80,7 @@ def allocate_naps(real: Any, capacity: int, sites: tuple[int, int]) -> Naps:
 def start_awake(naps: Naps, count: int) -> None:
     """The `count` grains there are have come from elsewhere: none of them sleeps, or has been still."""
     naps.state.fill(0)
-    naps.state[None].awake = count
+    naps.state[None].awake, naps.state[None].price = count, 1.0
     naps.still.fill(0.0)
     naps.woken.fill(0)
 
@@ -146,9 +149,9 @@ def watch(w: ti.template(), s: ti.template()) -> ti.i32:
     unit = ti.sqrt(w.box[None].gravity.norm() * w.box[None].diameter)
     naps.state[None].impact = c.sleeping_impact * unit
     awake, asleep = naps.state[None].awake, naps.state[None].asleep
-    time = (w.pace[None].done - naps.state[None].seen) * w.pace[None].step
+    steps = w.pace[None].done - naps.state[None].seen
+    time = steps * w.pace[None].step
     naps.state[None].seen = w.pace[None].done
-    naps.state[None].looks += 1
     ti.loop_config(serialize=True)
     for _run in range(1):
         ready = 0
@@ -160,10 +163,18 @@ def watch(w: ti.template(), s: ti.template()) -> ti.i32:
             ready += ti.cast(naps.still[i] >= c.sleeping_time, ti.i32)
         if awake > 0 and asleep > 0:
             weigh(w, c.sleeping_share)
-        wanted = ready > 0 and (ready == awake or ready > FEWEST * (awake + asleep))
-        if wanted and naps.state[None].looks % LOOKS == 0:
+        if ready > 0:
+            naps.state[None].owed += (ready + (LAST if ready == awake else 0)) * steps
+        if tired(w):
             naps.state[None].due = 1
     return naps.state[None].due
+
+
+@ti.func
+def tired(w: ti.template()):
+    """Whether those who could sleep have cost as much as laying them down does."""
+    state = ti.static(w.naps.state)
+    return state[None].owed > state[None].price * PRICE * (state[None].awake + state[None].asleep)
 
 
 @ti.func

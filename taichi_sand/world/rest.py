@@ -7,13 +7,18 @@ import taichi as ti
 from taichi_sand.world.carried import move_along
 from taichi_sand.world.geometry import perp, position, wall_row
 from taichi_sand.world.grid import permute
-from taichi_sand.world.naps import ASLEEP, home, shake, site_of, sleeper_block
+from taichi_sand.world.naps import ASLEEP, MOST_PRICE, home, shake, site_of, sleeper_block, tired
 from taichi_sand.world.pairs import search_now
+from taichi_sand.world.stir import bury, stir
 from taichi_sand.world.tables import World
 
 
 def rearrange(world: World, solver: Any) -> None:
     """Wakes the sleepers that are called, and lays those down that have been still; `solver` knows how long that is."""
+    if world.layout != "cells" and stir(world):
+        search_now(world)
+        bury(world)
+        return
     rouse(world, 0)
     search_now(world)
     lull(world, solver)
@@ -60,10 +65,19 @@ def rouse(w: ti.template(), everybody: ti.i32):
 @ti.kernel
 def lull(w: ti.template(), s: ti.template()):
     """After a search of everybody: chooses who sleeps, puts them behind the others, and freezes their pairs."""
+    state = ti.static(w.naps.state)
+    before = 0
+    ti.loop_config(serialize=True)
+    for i in range(w.count[None]):
+        before += ti.cast(w.naps.still[i] >= 0.5 * ASLEEP, ti.i32)
     choose(w, s.constants[None].sleeping_time)
     freeze(w)
     permute(w, w.count[None])
     lay_to_rest(w)
+    if state[None].asleep > before:
+        state[None].owed, state[None].price = 0.0, 1.0
+    elif tired(w):
+        state[None].owed, state[None].price = 0.0, ti.min(2.0 * state[None].price, MOST_PRICE)
     w.pace[None].spent = 1
 
 
