@@ -20,7 +20,7 @@ class Brush:
     low: float  # smallest and largest radius of a grain made [d / 2]
     high: float
     spin: float  # largest spin of a grain made, either way [rad/s]
-    strength: float  # of stir, attract and repel
+    strength: float  # of stir, attract, repel, wet and dry
     grip: float  # largest force of grab, in weights of the grain
     kind: int = 0  # which [[grains]] table the grains made belong to
 
@@ -56,7 +56,7 @@ class Brush:
             Knob("tool.low", "smallest", "tools", "d", "smallest grain that create and pour make, over the mean diameter", least, most),
             Knob("tool.high", "largest", "tools", "d", "largest grain that they make", least, most),
             Knob("tool.spin", "spin", "tools", "rad/s", "grains are made with a random spin up to this, either way", 0.0, 100.0),
-            Knob("tool.strength", "strength", "tools", "x", "of stir, attract and repel", 0.1, 10.0, log=True),
+            Knob("tool.strength", "strength", "tools", "x", "of stir, attract, repel, wet and dry", 0.1, 10.0, log=True),
             Knob("tool.grip", "grip", "tools", "weights", "largest force of grab, in weights of the grain", 1.0, 1000.0, log=True),
         ]
 

@@ -29,6 +29,8 @@ PULL = 4.0
 DARTS, POURED = 120, 4
 """Places tried a frame by `create` and `pour`."""
 POUR_SPEED = 0.5
+WETTED = 0.02
+"""Water that `wet` adds and `dry` takes a frame, as a share of the pores."""
 
 
 class Stroke:
@@ -196,6 +198,21 @@ def _hold(stroke: Stroke, on: bool) -> None:
         stroke.sim.renew()
 
 
+def wet(stroke: Stroke) -> None:
+    """Pours water on the grains under the brush."""
+    _water(stroke, WETTED)
+
+
+def dry(stroke: Stroke) -> None:
+    """Takes it out of them."""
+    _water(stroke, -WETTED)
+
+
+def _water(stroke: Stroke, amount: float) -> None:
+    brush = stroke.session.brush
+    stroke.sim.wet(stroke.x, stroke.y, brush.size, amount * brush.strength)
+
+
 @dataclass(frozen=True)
 class Tool:
     """What the mouse does."""
@@ -224,5 +241,7 @@ TOOLS = {
         Tool("thaw", "9", "let held grains go (right button: freeze)", thaw, "freeze"),
         Tool("wall", "0", "draw a wall (right button: erase)", wall_tools.draw, "erase", (), wall_tools.build),
         Tool("erase", "e", "rub out walls under the brush (right button: draw one)", wall_tools.erase, "wall"),
+        Tool("wet", "w", "pour water on the grains under the brush (right button: dry)", wet, "dry", ("size", "strength")),
+        Tool("dry", "d", "take water out of the grains under the brush (right button: wet)", dry, "wet", ("size", "strength")),
     )
 }
