@@ -20,7 +20,7 @@ from taichi_sand.solvers import choose
 from taichi_sand.solvers.tolerance import Bed, bed_of, depth_of
 from taichi_sand.world import census, checkpoint, device, sources
 from taichi_sand.world import hand as hands
-from taichi_sand.world.build import check_periodic, fill, make_world
+from taichi_sand.world.build import fill, make_world
 from taichi_sand.world.motion import close_step
 from taichi_sand.world.naps import called
 from taichi_sand.world.pairs import search, search_now
@@ -62,6 +62,12 @@ def step_alone(w: ti.template(), s: ti.template()):
     close_step(w)
 
 
+@ti.kernel
+def progress(w: ti.template()) -> ti.types.vector(2, ti.i32):
+    """Whether a search is due, and how many steps are done: together, as a GPU is waited for at every look."""
+    return ti.Vector([w.pace[None].spent, w.pace[None].done])
+
+
 class Simulation(Readings):
     """A scene in motion.
 
@@ -85,7 +91,6 @@ class Simulation(Readings):
             self.effects = effect_modules.check(scene)
             grains = pack(scene)
             planned = sources.foreseen(scene, grains)
-            check_periodic(scene, planned, effect_modules.reach(self.effects))
             if hand and not room:
                 self.room = max(LEAST_ROOM, len(grains) // 2)
             self._lay(planned, hand)
@@ -285,12 +290,12 @@ class Simulation(Readings):
                 count = end - self.world.pace[None].done
             return
         while True:
-            if self.world.pace[None].spent:
+            spent, done = progress(self.world)
+            if spent:
                 search_now(self.world)
             if self.world.sleeps and self.world.naps.state[None].due:
                 self._rearrange()
                 continue
-            done = self.world.pace[None].done
             if done == end:
                 break
             for _ in range(min(BATCH, end - done)):

@@ -10,6 +10,11 @@ os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("NO_COLOR", "1")  # messages without control characters
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`--arch cuda` runs tests/test_cells.py on a GPU."""
+    parser.addoption("--arch", default="cpu", help="backend for the tests of the layout that a GPU runs on")
+
+
 @pytest.fixture
 def scene_file(tmp_path: Path) -> Callable[[str], Path]:
     """Writes a scene file, `scene.toml` in a folder of its own, and returns its path."""

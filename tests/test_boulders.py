@@ -8,7 +8,7 @@ import pytest
 from helpers import G, listed, simulate
 
 import taichi_sand as sand
-from taichi_sand import simulation
+from taichi_sand.world import build
 
 SIZE = (1.0, 0.6)
 SIDES = {"left": "periodic", "right": "periodic"}
@@ -37,10 +37,7 @@ def test_no_contact_is_missed(kind: str, case: str, monkeypatch: pytest.MonkeyPa
     a GPU; the cells are those of the small grains; nothing is lost or flagged.
     """
     if case == "cells":
-        whole = simulation.make_world
-        monkeypatch.setattr(simulation, "make_world", lambda scene, pack, extra, turns, gpu, *room, **more: whole(
-            scene, pack, extra, turns, True, *room, **more
-        ))  # fmt: skip
+        monkeypatch.setattr(build, "layout_of", lambda gpu, grains: "cells")
     sim = pour(kind, [SMALL, *LARGE], edges=SIDES if case == "periodic" else {})
     assert sim.world.boulders > 0 and sim.world.box[None].listed < 0.0121 and sim.world.layout == ("cells" if case == "cells" else "one")
     met = 0

@@ -15,7 +15,7 @@ import taichi as ti
 
 from taichi_sand.scene.parameters import Parameter
 from taichi_sand.world.geometry import add, distance_to_second, mobility
-from taichi_sand.world.sweep import block_count
+from taichi_sand.world.sweep import every_pair
 
 PARAMETERS = (
     Parameter("capacity", 800.0, "specific heat; that of quartz is 800", "J/(kg K)", low=1e-3, high=1e6),
@@ -57,21 +57,26 @@ def warm(w: ti.template(), s: ti.template()):
     time = ti.max(1.0, ti.floor(INTERVAL / c.step)) * c.step
     share = 1.0 - ti.exp(-c.heat_conduction * time)
     temperature = ti.static(w.carried.temperature)
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=w.layout != "cells")
     for i in range(w.count[None]):
         add(temperature, i, w.carried.warmth[i] * mobility(w, i).x / c.heat_capacity)
         w.carried.warmth[i] = 0.0
-    ti.loop_config(serialize=True)
-    for b in range(block_count(w)):
-        for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
-            i, j = w.pairs.first[p], w.pairs.second[p]
-            one, two = mobility(w, i).x, mobility(w, j).x
-            if one > 0.0 and two > 0.0:
-                distance, _ = distance_to_second(w, p, i, False)
-                if distance < w.pairs.contact_distance[p]:
-                    flow = share * (temperature[j] - temperature[i]) / (one + two)  # over the specific heat [kg K]
-                    add(temperature, i, flow * one)
-                    add(temperature, j, -flow * two)
+    every_pair(w, conduct, s, share)
+
+
+@ti.func
+def conduct(w: ti.template(), s: ti.template(), share: ti.template(), p, wall: ti.template()):
+    """Evens out the temperatures of the two grains of pair p by `share`, if they touch."""
+    if ti.static(not wall):
+        temperature = ti.static(w.carried.temperature)
+        i, j = w.pairs.first[p], w.pairs.second[p]
+        one, two = mobility(w, i).x, mobility(w, j).x
+        if one > 0.0 and two > 0.0:
+            distance, _ = distance_to_second(w, p, i, False)
+            if distance < w.pairs.contact_distance[p]:
+                flow = share * (temperature[j] - temperature[i]) / (one + two)  # over the specific heat [kg K]
+                add(temperature, i, flow * one)
+                add(temperature, j, -flow * two)
 
 
 def memory(values: dict[str, Any], solver: str) -> int:

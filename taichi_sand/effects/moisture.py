@@ -15,7 +15,7 @@ import taichi as ti
 from taichi_sand.scene.parameters import Parameter
 from taichi_sand.world.geometry import add, at_least, at_most, distance_to_second
 from taichi_sand.world.naps import call
-from taichi_sand.world.sweep import block_count
+from taichi_sand.world.sweep import every_pair
 from taichi_sand.world.water import MOIST, bond_share
 
 PARAMETERS = (
@@ -50,18 +50,11 @@ def flow(w: ti.template(), s: ti.template()):
     c = s.constants[None]
     time = ti.max(1.0, ti.floor(INTERVAL / c.step)) * c.step
     water = ti.static(w.carried)
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=w.layout != "cells")
     for i in range(w.count[None]):
         water.contacts[i] = 0.0
-    ti.loop_config(serialize=True)
-    for b in range(block_count(w)):
-        for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
-            exchange(w, p, 1.0 - ti.exp(-c.moisture_drain * time), 1.0 - ti.exp(-c.moisture_spread * time))
-        for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
-            distance, _ = distance_to_second(w, p, w.pairs.first[p], True)
-            if distance < w.pairs.contact_distance[p]:
-                add(water.contacts, w.pairs.first[p], 1.0)
-    ti.loop_config(serialize=True)
+    every_pair(w, exchange, s, ti.Vector([1.0 - ti.exp(-c.moisture_drain * time), 1.0 - ti.exp(-c.moisture_spread * time)]))
+    ti.loop_config(serialize=w.layout != "cells")
     for i in range(w.count[None]):
         air = at_least(0.0, 1.0 - water.contacts[i] / SHIELD)
         water.wetness[i] = water.wetness[i] * ti.exp(-c.moisture_evaporation * air * time)
@@ -74,24 +67,28 @@ def flow(w: ti.template(), s: ti.template()):
 
 
 @ti.func
-def exchange(w: ti.template(), p, drained, evened):
-    """Moves water between the two grains of pair p, if they touch: those shares of what it could be."""
-    i, j = w.pairs.first[p], w.pairs.second[p]
+def exchange(w: ti.template(), s: ti.template(), shares: ti.template(), p, wall: ti.template()):
+    """Counts pair p as a contact of its grains, if they touch, and moves water between them: of what could run down, and of what would
+    even them out, those shares.
+    """
+    i = w.pairs.first[p]
     water = ti.static(w.carried)
-    distance, normal = distance_to_second(w, p, i, False)
+    distance, normal = distance_to_second(w, p, i, wall)
     if distance < w.pairs.contact_distance[p]:
         add(water.contacts, i, 1.0)
-        add(water.contacts, j, 1.0)
-        room_i, room_j = w.grains.radius[i] ** 2, w.grains.radius[j] ** 2
-        moved = evened * (water.wetness[i] - water.wetness[j]) * room_i * room_j / (room_i + room_j)
-        gravity = w.box[None].gravity
-        slope = normal.dot(gravity) / (gravity.norm() + 1e-30)
-        if slope > 0.0:
-            moved += runoff(water.wetness[i], room_i, water.wetness[j], room_j, drained * slope)
-        else:
-            moved -= runoff(water.wetness[j], room_j, water.wetness[i], room_i, -drained * slope)
-        add(water.wetness, i, -moved / room_i)
-        add(water.wetness, j, moved / room_j)
+        if ti.static(not wall):
+            j = w.pairs.second[p]
+            add(water.contacts, j, 1.0)
+            room_i, room_j = w.grains.radius[i] ** 2, w.grains.radius[j] ** 2
+            moved = shares.y * (water.wetness[i] - water.wetness[j]) * room_i * room_j / (room_i + room_j)
+            gravity = w.box[None].gravity
+            slope = normal.dot(gravity) / (gravity.norm() + 1e-30)
+            if slope > 0.0:
+                moved += runoff(water.wetness[i], room_i, water.wetness[j], room_j, shares.x * slope)
+            else:
+                moved -= runoff(water.wetness[j], room_j, water.wetness[i], room_i, -shares.x * slope)
+            add(water.wetness, i, -moved / room_i)
+            add(water.wetness, j, moved / room_j)
 
 
 @ti.func

@@ -7,8 +7,8 @@ nothing is copied on a CPU.
 import numpy as np
 import taichi as ti
 
-from taichi_sand.world.geometry import mobility, movable, position, spin, velocity
-from taichi_sand.world.sweep import block_count
+from taichi_sand.world.geometry import add, mobility, movable, position, spin, velocity
+from taichi_sand.world.sweep import every_pair
 from taichi_sand.world.tables import World
 
 NEAR = 1.3
@@ -80,7 +80,7 @@ def order(world: World, out: np.ndarray) -> None:
 @ti.kernel
 def fill_speed(w: ti.template(), out: Rows):
     """See `speed`."""
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=w.layout != "cells")
     for i in range(w.count[None]):
         out[i] = ti.cast(velocity(w, i).norm(), ti.f32)
 
@@ -88,7 +88,7 @@ def fill_speed(w: ti.template(), out: Rows):
 @ti.kernel
 def fill_carried(w: ti.template(), column: ti.template(), out: Rows):
     """A column that grains carry."""
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=w.layout != "cells")
     for i in range(w.count[None]):
         out[i] = ti.cast(column[i], ti.f32)
 
@@ -96,7 +96,7 @@ def fill_carried(w: ti.template(), column: ti.template(), out: Rows):
 @ti.kernel
 def fill_energy(w: ti.template(), out: Rows):
     """See `energy`."""
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=w.layout != "cells")
     for i in range(w.count[None]):
         energy = 0.0
         if movable(w, i) > 0.0:
@@ -110,7 +110,7 @@ def fill_energy(w: ti.template(), out: Rows):
 @ti.kernel
 def fill_orientation(w: ti.template(), out: Rows):
     """See `orientation`."""
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=w.layout != "cells")
     for i in range(w.count[None]):
         out[i] = 0.0
         if ti.static(w.turns):
@@ -121,23 +121,25 @@ def fill_orientation(w: ti.template(), out: Rows):
 @ti.kernel
 def fill_force(w: ti.template(), out: Rows):
     """See `force`. Every pair once, in the order of the sweep."""
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=w.layout != "cells")
     for i in range(w.count[None]):
         out[i] = 0.0
-    ti.loop_config(serialize=True)
-    for b in range(block_count(w)):
-        for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
-            push = ti.cast(ti.max(w.pairs.force[p].x, 0.0), ti.f32)
-            out[w.pairs.first[p]] = out[w.pairs.first[p]] + push
-            out[w.pairs.second[p]] = out[w.pairs.second[p]] + push
-        for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
-            out[w.pairs.first[p]] = out[w.pairs.first[p]] + ti.cast(ti.max(w.pairs.force[p].x, 0.0), ti.f32)
+    every_pair(w, push_both, out, out)
+
+
+@ti.func
+def push_both(w: ti.template(), out: ti.template(), c: ti.template(), p, wall: ti.template()):
+    """Adds the normal force of pair p to those on its grains."""
+    push = ti.cast(ti.max(w.pairs.force[p].x, 0.0), ti.f32)
+    add(out, w.pairs.first[p], push)
+    if ti.static(not wall):
+        add(out, w.pairs.second[p], push)
 
 
 @ti.kernel
 def force_to_pressure(w: ti.template(), out: Rows):
     """See `pressure`; `out` holds the forces."""
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=w.layout != "cells")
     for i in range(w.count[None]):
         out[i] = out[i] / ti.cast(2.0 * ti.math.pi * w.grains.radius[i], ti.f32)
 
@@ -145,7 +147,7 @@ def force_to_pressure(w: ti.template(), out: Rows):
 @ti.kernel
 def fill_places(w: ti.template(), places: Points):
     """x, y and radius of every grain; within the box where it is periodic."""
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=w.layout != "cells")
     for i in range(w.count[None]):
         place = position(w, i)
         for k in ti.static(range(2)):
@@ -160,7 +162,7 @@ def fill_order(
     w: ti.template(), places: Points, cell: Integers, members: Integers, start: Integers, columns: ti.i32, rows: ti.i32, out: Rows
 ):
     """See `order`. Grains are looked up by cell: those of cell c are members[start[c]], … members[start[c + 1] - 1]."""
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=w.layout != "cells")
     for i in range(w.count[None]):
         total, neighbours = ti.Vector([0.0, 0.0]), 0
         column, row = cell[i] // rows, cell[i] % rows

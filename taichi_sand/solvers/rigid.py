@@ -21,7 +21,7 @@ from taichi_sand.world.ledger import drive, settle_work
 from taichi_sand.world.links import pull_links
 from taichi_sand.world.motion import drift, with_body
 from taichi_sand.world.movers import feel, place_walls
-from taichi_sand.world.sweep import each_grain, going, nothing, sweep
+from taichi_sand.world.sweep import each_grain, each_pair, going, nothing, sweep
 from taichi_sand.world.tables import World, fill_struct
 
 MEMORY = 1
@@ -242,8 +242,6 @@ def close_round(w: ti.template()):
 @ti.func
 def collide_all(w: ti.template(), s: ti.template(), c: ti.template()):
     """Rounds of impacts, one after the other, until there are none left or the rounds are used up."""
-    if w.pace[None].spent == 0:
-        w.pace[None].guess = w.pace[None].impacts
     if ti.static(w.layout == "one"):
         for _round in range(ROUNDS):
             sweep(w, (collide,), nothing, s, c, colliding)
@@ -263,12 +261,18 @@ def step(w: ti.template(), s: ti.template()):
     if ti.static(w.moves):
         place_walls(w, 0.0, 0.5)
     pull_links(w, s, c, going)
+    if w.pace[None].spent == 0:
+        w.pace[None].guess = w.pace[None].impacts
     each_grain(w, kick, s, c)
     collide_all(w, s, c)
     sweep(w, (solve,), move, s, c, going)
     if ti.static(w.moves):
         place_walls(w, 1.0, 0.5)
-    sweep(w, (look, relax), nothing, s, c, going)
+    if ti.static(w.layout == "cells"):
+        each_pair(w, look, s, c, going)
+        sweep(w, (relax,), nothing, s, c, going)
+    else:
+        sweep(w, (look, relax), nothing, s, c, going)
 
 
 def numbers(scene: Any, bed: Bed) -> dict[str, float]:

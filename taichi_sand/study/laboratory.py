@@ -187,7 +187,8 @@ def listed(sim: Any) -> list[Contact]:
     w = sim.world
     ids = w.grains.id.to_numpy()
     first, second, force, normal = (getattr(w.pairs, name).to_numpy() for name in ("first", "second", "force", "normal"))
-    spans = {name: getattr(w.blocks, name).to_numpy() for name in ("pair_start", "pair_end", "wall_start", "wall_end")}
+    used = w.grid.columns[None] * w.grid.rows[None] + (w.sleeps or w.boulders > 0) if w.layout == "cells" else None
+    spans = {name: getattr(w.blocks, name).to_numpy()[:used] for name in ("pair_start", "pair_end", "wall_start", "wall_end")}
     rows = []
     for wall, start, end in ((False, "pair_start", "pair_end"), (True, "wall_start", "wall_end")):
         for low, high in zip(spans[start], spans[end], strict=True):

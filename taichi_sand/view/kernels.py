@@ -1,6 +1,6 @@
 """The kernels of the painter: where grains and forces lie on the canvas, in which colours, and the painting itself.
 
-Grains are first placed (a short serial pass), then painted in bands of columns, in parallel, each band in the order of the slots.
+Grains are first placed (on a CPU a short serial pass), then painted in bands of columns, in parallel, each in the order of the slots.
 All lists are NumPy arrays of the painter: the painter needs no room on the device. Coordinates are pixels, y down.
 """
 
@@ -8,11 +8,12 @@ import taichi as ti
 
 from taichi_sand.view.shapes import disc, lighter, line, mix, sleepy
 from taichi_sand.world.clumps import disc_around, discs_around, turned
+from taichi_sand.world.device import on_gpu
 from taichi_sand.world.geometry import mobility, movable, position
 from taichi_sand.world.sweep import block_count
 from taichi_sand.world.tables import CHUNK
 
-BANDS = 16
+CPU_BANDS, GPU_BANDS = 16, 512
 """Columns of the picture are painted in so many bands. A constant: a run-time range as short as this would run on one thread."""
 SHOWN_RADIUS = 0.985
 """Part of a disc's radius that is painted, so that neighbours stay apart."""
@@ -25,6 +26,8 @@ TONES = 4
 NO_SPOKE = 1e9
 """Angle of a disc without a spoke."""
 NO_ROW = 2**30
+NOBODY = -1
+"""Owner of a row that holds no disc."""
 
 Packed = ti.types.ndarray(dtype=ti.u32, ndim=1)
 Integers = ti.types.ndarray(dtype=ti.i32, ndim=1)
@@ -34,10 +37,15 @@ Spans = ti.types.ndarray(dtype=ti.i32, ndim=2)
 Bytes = ti.types.ndarray(dtype=ti.u8, ndim=1)
 
 
+def band_count() -> int:
+    """Bands on the backend that Taichi runs on."""
+    return GPU_BANDS if on_gpu() else CPU_BANDS
+
+
 @ti.func
-def band_of(column, width):
+def band_of(column, width, bands):
     """The band that paints this column; the nearest one beyond the picture."""
-    return ((ti.min(ti.max(column, 0), width - 1) + 1) * BANDS - 1) // width
+    return ((ti.min(ti.max(column, 0), width - 1) + 1) * bands - 1) // width
 
 
 @ti.func
@@ -60,7 +68,7 @@ def grain_tone(w: ti.template(), i, tones: ti.template()):
 @ti.kernel
 def colour_by_kind(w: ti.template(), tones: Packed, fixed: ti.u32, colours: Packed):
     """Colour of every grain from the tones of its kind; fixed grains have one of their own."""
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=w.layout != "cells")
     for i in range(w.count[None]):
         colours[i] = grain_tone(w, i, tones) if movable(w, i) > 0.0 else fixed
 
@@ -69,7 +77,7 @@ def colour_by_kind(w: ti.template(), tones: Packed, fixed: ti.u32, colours: Pack
 def colour_by_value(w: ti.template(), values: Numbers, top: ti.f32, colour_map: Packed, fixed: ti.u32, colours: Packed):
     """Colour of every grain from a map, 0 .. top; fixed grains have one of their own."""
     last = colour_map.shape[0] - 1
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=w.layout != "cells")
     for i in range(w.count[None]):
         entry = ti.cast(values[i] / top * ti.cast(last, ti.f32) + 0.5, ti.i32)
         colours[i] = colour_map[ti.min(last, ti.max(0, entry))] if movable(w, i) > 0.0 else fixed
@@ -78,7 +86,7 @@ def colour_by_value(w: ti.template(), values: Numbers, top: ti.f32, colour_map: 
 @ti.kernel
 def fade_sleepers(w: ti.template(), colours: Packed):
     """Colours of those who sleep, who lie behind all others."""
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=w.layout != "cells")
     for i in range(w.count[None] - w.naps.state[None].asleep, w.count[None]):
         if movable(w, i) > 0.0:
             colours[i] = sleepy(colours[i])
@@ -86,14 +94,12 @@ def fade_sleepers(w: ti.template(), colours: Packed):
 
 @ti.kernel
 def moving_values(w: ti.template(), values: Numbers, out: Numbers) -> ti.i32:
-    """Values of the grains that are not fixed, gathered at the front of `out`; their number."""
+    """Values of the grains that are not fixed, gathered at the front of `out`, in any order; their number."""
     found = 0
-    ti.loop_config(serialize=True)
-    for _ in range(1):
-        for i in range(w.count[None]):
-            if movable(w, i) > 0.0:
-                out[found] = values[i]
-                found += 1
+    ti.loop_config(serialize=w.layout != "cells")
+    for i in range(w.count[None]):
+        if movable(w, i) > 0.0:
+            out[ti.atomic_add(found, 1)] = values[i]
     return found
 
 
@@ -104,53 +110,68 @@ def list_disc(k, i, x, y, r, angle, width, height, discs: ti.template(), owner: 
     if x + r > -1.0 and x - r < width + 1.0 and y + r > -1.0 and y - r < height + 1.0:
         discs[row, 0], discs[row, 1], discs[row, 2], discs[row, 3] = x, y, r, angle
         owner[row] = i
-        low = band_of(ti.cast(ti.floor(x - r), ti.i32) - 1, width)
-        high = band_of(ti.cast(ti.floor(x + r), ti.i32) + 1, width)
+        low = band_of(ti.cast(ti.floor(x - r), ti.i32) - 1, width, bands.shape[0])
+        high = band_of(ti.cast(ti.floor(x + r), ti.i32) + 1, width, bands.shape[0])
         for s in range(low, high + 1):
-            bands[s, 0] = ti.min(bands[s, 0], row)
-            bands[s, 1] = row + 1
+            ti.atomic_min(bands[s, 0], row)
+            ti.atomic_max(bands[s, 1], row + 1)
         row += 1
     return row
 
 
 @ti.kernel
-def place_discs(w: ti.template(), scale: ti.f32, width: ti.i32, height: ti.i32, discs: Rows, owner: Integers, bands: Spans) -> ti.i32:
+def place_discs(w: ti.template(), scale: ti.f32, width: ti.i32, height: ti.i32, discs: Rows, owner: Integers, bands: Spans):
     """Lists the discs that can be seen: x, y, radius, angle; which grain each shows; for each band of columns the first one and
     the one after the last. A grain that reaches over a periodic edge is listed on both sides; one of several discs has no spoke.
-    Returns the number of discs.
+    In the layout "cells" every grain has rows of its own, and those that it does not need show nobody.
     """
-    placed = 0
     ti.loop_config(serialize=True)
-    for _ in range(1):
-        for s in range(BANDS):
-            bands[s, 0], bands[s, 1] = NO_ROW, 0
+    for s in range(bands.shape[0]):
+        bands[s, 0], bands[s, 1] = NO_ROW, 0
+    if ti.static(w.layout == "cells"):
+        for k in range(owner.shape[0]):
+            owner[k] = NOBODY
         for i in range(w.count[None]):
-            place, size = position(w, i), w.box[None].size
-            angle = NO_SPOKE
-            if ti.static(w.turns):
-                if mobility(w, i).z > 0.0 and discs_around(w, i) == 1:
-                    angle = ti.cast(w.grains.angle[i] + w.grains.turn[i], ti.f32)
-            for across in ti.static((-1, 0, 1) if w.periodic[0] else (0,)):
-                for up in ti.static((-1, 0, 1) if w.periodic[1] else (0,)):
-                    for k in range(discs_around(w, i)):
-                        one = disc_around(w, i, k)
-                        r = ti.cast(one.z, ti.f32) * scale * SHOWN_RADIUS
-                        x = ti.cast(place.x + one.x + across * size.x, ti.f32) * scale
-                        y = ti.cast(height, ti.f32) - ti.cast(place.y + one.y + up * size.y, ti.f32) * scale
-                        placed = list_disc(placed, i, x, y, r, angle, width, height, discs, owner, bands)
-    return placed
+            place_grain(w, i, i * (owner.shape[0] // w.capacity), scale, width, height, discs, owner, bands)
+    else:
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            row = 0
+            for i in range(w.count[None]):
+                row = place_grain(w, i, row, scale, width, height, discs, owner, bands)
+
+
+@ti.func
+def place_grain(w: ti.template(), i, row, scale, width, height, discs: ti.template(), owner: ti.template(), bands: ti.template()):
+    """Lists the discs of grain i that can be seen. Returns the next row."""
+    place, size = position(w, i), w.box[None].size
+    next_row = row
+    angle = NO_SPOKE
+    if ti.static(w.turns):
+        if mobility(w, i).z > 0.0 and discs_around(w, i) == 1:
+            angle = ti.cast(w.grains.angle[i] + w.grains.turn[i], ti.f32)
+    for across in ti.static((-1, 0, 1) if w.periodic[0] else (0,)):
+        for up in ti.static((-1, 0, 1) if w.periodic[1] else (0,)):
+            for k in range(discs_around(w, i)):
+                one = disc_around(w, i, k)
+                r = ti.cast(one.z, ti.f32) * scale * SHOWN_RADIUS
+                x = ti.cast(place.x + one.x + across * size.x, ti.f32) * scale
+                y = ti.cast(height, ti.f32) - ti.cast(place.y + one.y + up * size.y, ti.f32) * scale
+                next_row = list_disc(next_row, i, x, y, r, angle, width, height, discs, owner, bands)
+    return next_row
 
 
 @ti.kernel
 def paint_discs(canvas: Packed, width: ti.i32, height: ti.i32, discs: Rows, owner: Integers, bands: Spans, colours: Packed, spokes: ti.i32):
     """Paints the discs listed, those with an angle with a spoke, if `spokes` is 1."""
-    for task in range(BANDS * CHUNK):
+    count = ti.static(band_count())
+    for task in range(count * CHUNK):
         if task % CHUNK == 0:
             s = task // CHUNK
-            x0, x1 = s * width // BANDS, (s + 1) * width // BANDS
+            x0, x1 = s * width // count, (s + 1) * width // count
             for k in range(bands[s, 0], bands[s, 1]):
                 x, y, r, angle = discs[k, 0], discs[k, 1], discs[k, 2], discs[k, 3]
-                if x + r + 1.0 > x0 and x - r - 1.0 < x1:
+                if x + r + 1.0 > x0 and x - r - 1.0 < x1 and owner[k] != NOBODY:
                     colour = colours[owner[k]]
                     disc(canvas, width, height, x0, x1, x, y, r, colour)
                     if spokes == 1 and angle < NO_SPOKE and r > SPOKE_RADII[0]:
@@ -215,10 +236,11 @@ def list_force(w: ti.template(), p, scale, height, lines: ti.template(), forces:
 @ti.kernel
 def paint_lines(canvas: Packed, width: ti.i32, height: ti.i32, lines: Rows, thickness: Numbers, colours: Packed):
     """Paints lines (x, y, x, y), the last on top."""
-    for task in range(BANDS * CHUNK):
+    count = ti.static(band_count())
+    for task in range(count * CHUNK):
         if task % CHUNK == 0:
             s = task // CHUNK
-            x0, x1 = s * width // BANDS, (s + 1) * width // BANDS
+            x0, x1 = s * width // count, (s + 1) * width // count
             for k in range(colours.shape[0]):
                 ax, ay, bx, by = lines[k, 0], lines[k, 1], lines[k, 2], lines[k, 3]
                 pad = 0.5 * thickness[k] + 1.0
@@ -249,11 +271,12 @@ def paint_tiles(canvas: Packed, width: ti.i32, height: ti.i32, tiles: Spans, pix
 @ti.kernel
 def unpack(canvas: Packed, image: Bytes):
     """The canvas as bytes red, green, blue."""
-    for task in range(BANDS * CHUNK):
+    count = ti.static(band_count())
+    for task in range(count * CHUNK):
         if task % CHUNK == 0:
             s = task // CHUNK
             pixels = canvas.shape[0]
-            for k in range(s * (pixels // BANDS), (s + 1) * (pixels // BANDS) if s < BANDS - 1 else pixels):
+            for k in range(s * (pixels // count), (s + 1) * (pixels // count) if s < count - 1 else pixels):
                 image[3 * k] = ti.cast(canvas[k] >> ti.u32(16), ti.u8)
                 image[3 * k + 1] = ti.cast(canvas[k] >> ti.u32(8), ti.u8)
                 image[3 * k + 2] = ti.cast(canvas[k], ti.u8)

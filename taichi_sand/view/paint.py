@@ -114,7 +114,7 @@ class Painter:
         self._values, self._moving = np.zeros(capacity, np.float32), np.zeros(capacity, np.float32)
         self._colours = np.zeros(capacity, np.uint32)
         self._discs, self._owner = np.zeros((copies * capacity, 4), np.float32), np.zeros(copies * capacity, np.int32)
-        self._bands = np.zeros((kernels.BANDS, 2), np.int32)
+        self._bands = np.zeros((kernels.band_count(), 2), np.int32)
         self._lines = np.zeros((LINES_PER_GRAIN * discs * capacity, 4), np.float32)
         self._forces = np.zeros(LINES_PER_GRAIN * discs * capacity, np.float32)
         self._canvas = np.zeros(self.width * self.height, np.uint32)

@@ -47,12 +47,15 @@ def lay_lattice(size: tuple[float, float], diameter: float, count: int) -> tuple
     return tuple(side / n for side, n in zip(size, sites, strict=True)), sites
 
 
-def check_periodic(scene: Any, pack: Pack, reach: float) -> None:
-    """SandError if a periodic axis has room for less than three of the widest cells: a search could then pair two grains twice."""
+def check_periodic(scene: Any, pack: Pack, reach: float, layout: str) -> None:
+    """SandError if a periodic axis has room for less than three of the widest cells: a search could then pair two grains twice. Columns
+    of cells that are swept in colours come in twos, so there must be four.
+    """
     if not len(pack):
         return
-    least = 3.001 * (2 * float(pack.radius.max()) + (MOST_SKIN + MOST_SLACK + reach) * 2 * float(pack.size.mean()))
+    widest = 2 * float(pack.radius.max()) + (MOST_SKIN + MOST_SLACK + reach) * 2 * float(pack.size.mean())
     for axis, side, length in (("x", "left", scene.size[0]), ("y", "bottom", scene.size[1])):
+        least = (4.001 if layout == "cells" and axis == "x" else 3.001) * widest
         if getattr(scene.edges, side) == "periodic" and length < least:
             text = f"{length:g} m is too short for a box periodic along {axis}; these grains need at least {least:.3g} m"
             raise scene.error("size", text)
@@ -64,6 +67,22 @@ def plan_cells(size: tuple[float, float], largest: float, capacity: int) -> tupl
     cells = math.floor(size[0] / width + 1) * math.floor(size[1] / width + 1)
     most = CELLS_PER_GRAIN * capacity + 4096
     return (width * 1.01 * math.sqrt(cells / most), most) if cells > most else (width, cells)
+
+
+def layout_of(gpu: bool, grains: int) -> str:
+    """Layout of the sweep: see world.sweep. Tests put another function in the place of this one to have "cells" on a CPU."""
+    return "cells" if gpu else "strips" if grains >= STRIPS_FROM else "one"
+
+
+def most_of_a_colour(size: tuple[float, float], width: float) -> int:
+    """Most cells of one colour of world.sweep.sweep_cells, where cells are no smaller than `width` [m]."""
+    columns, rows = (math.floor(side / width) + 1 for side in size)
+    return round_up(math.ceil(columns / 2) * (rows // 3 + 1))
+
+
+def most_summed(layout: str, sleeps: bool, cells: int, capacity: int, sites: tuple[int, int]) -> int:
+    """Rows of the longest column that running sums are made of: of cells if they sort in parallel, of grains and sites if grains sleep."""
+    return max([1] + [cells + 2] * (layout == "cells") + [capacity, round_up(sites[0] * sites[1] + 2)] * sleeps)
 
 
 def mean_weight(scene: Any, pack: Pack) -> float:
@@ -117,13 +136,14 @@ def make_world(
     `extra` columns of the pair table follow a pair; `carried` names the columns that follow a grain, and what a grain starts with;
     effects act on grains up to `reach` [d] apart, and tie the grains `links` (n, 2) together.
     """
+    layout = layout_of(gpu, len(pack))
+    check_periodic(scene, pack, reach, layout)
     real, capacity = ti.f64 if scene.solver.precision == 64 else ti.f32, round_up(len(pack) + room + 1)
     lengths, boulders = lengths_of(scene, pack, reach, sleeps)
     diameter, sight = lengths["diameter"], lengths["largest"] / 2 + MOST_REACH * lengths["diameter"] + lengths["bridge"]
     moves = bool(moving_walls(scene))
     spacing, sites = lay_lattice(scene.size, diameter, capacity)
     least_cell, most_cells = plan_cells(scene.size, lengths["listed"] + lengths["bridge"], capacity)
-    layout = "cells" if gpu else "strips" if len(pack) >= STRIPS_FROM else "one"
     cells, lanes = round_up(most_cells + 1), LANES[layout]
     blocks = {"one": 1, "strips": STRIPS, "cells": cells}[layout]
     rows, wall_rows = (per * most_discs(pack) for per in (PAIRS_PER_GRAIN, WALL_PAIRS_PER_GRAIN))
@@ -132,7 +152,7 @@ def make_world(
         grains=allocate_grains(real, capacity, pack.clumps),
         pairs=allocate_pairs(real, capacity, wall_base + wall_half, wall_half, extra, 3 if sleeps else 2, pack.clumps, moves),
         blocks=allocate_blocks(blocks + (sleeps or boulders > 0), lanes),
-        grid=allocate_grid(real, capacity, cells),
+        grid=allocate_grid(real, capacity, cells, most_summed(layout, sleeps, cells, capacity, sites)),
         **lay_walls(scene, pack, spacing, sites, sight, wall_room, gpu, real),
         **build_flow(scene, real),
         pace=pace_type(real).field(shape=()),
@@ -158,6 +178,7 @@ def make_world(
         wall_rows=wall_rows,
         layout=layout,
         lanes=lanes,
+        colour_cells=most_of_a_colour(scene.size, least_cell),
         real=real,
     )
     world.box[None] = {"spacing": spacing, "sites": sites, "least_cell": least_cell, **lengths, **box_numbers(scene, pack)}

@@ -42,6 +42,11 @@ def start(user: Any, arch: str, threads: int | None, precision: int) -> None:
     alive.add(user)
 
 
+def on_gpu() -> bool:
+    """Whether Taichi runs on a GPU."""
+    return ti.lang.impl.current_cfg().arch not in (ti.x64, ti.arm64)
+
+
 def count_room(grains: int) -> None:
     """Notes that room for `grains` more has been laid out since Taichi was started."""
     state["grains"] += grains
@@ -61,7 +66,5 @@ def launch(arch: str, threads: int, precision: int) -> None:
         # kernels run as fast, to the same bits.
         options = {"cfg_optimization": False, "log_level": ti.ERROR, "random_seed": 0}
         ti.init(arch=kind, cpu_max_num_threads=threads, default_fp=real, **options)
-    running = ti.lang.impl.current_cfg().arch
-    fell_back = running in (ti.x64, ti.arm64) and arch != "cpu"
-    if fell_back:
+    if not on_gpu() and arch != "cpu":
         raise SandError(f"--arch {arch}: this machine has no such backend for Taichi; take --arch cpu", "arch")

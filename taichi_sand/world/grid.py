@@ -12,6 +12,7 @@ from taichi_sand.world.carried import sort_along
 from taichi_sand.world.clumps import head
 from taichi_sand.world.flags import ESCAPED, NOWHERE, flag
 from taichi_sand.world.geometry import position, present, velocity
+from taichi_sand.world.scan import put_in_order, running_sums, scratch_rows
 from taichi_sand.world.sinks import drain
 from taichi_sand.world.tables import ABREAST, STRIPS
 
@@ -20,6 +21,7 @@ class Grid(NamedTuple):
     """Cells, and what the sort needs."""
 
     start: Any  # first slot of each cell, shape (cells + 2,), i32
+    sums: Any  # scratch for running sums
     cell: Any  # cell of each grain, before the sort by its old slot, i32
     source: Any  # the slot that each grain had before the sort, i32
     columns: Any  # cells along x, 0-D i32
@@ -30,10 +32,11 @@ class Grid(NamedTuple):
     number: Any  # scratch for the others, 18-vectors
 
 
-def allocate_grid(real: Any, capacity: int, cells: int) -> Grid:
-    """Empty grid for up to `cells` cells."""
+def allocate_grid(real: Any, capacity: int, cells: int, summed: int) -> Grid:
+    """Empty grid for up to `cells` cells, with scratch for the running sums of up to `summed` rows."""
     return Grid(
         start=ti.field(ti.i32, cells + 2),
+        sums=ti.field(ti.i32, scratch_rows(summed)),
         cell=ti.field(ti.i32, capacity),
         source=ti.field(ti.i32, capacity),
         columns=ti.field(ti.i32, ()),
@@ -131,6 +134,24 @@ def sort(w: ti.template()):
     grid = ti.static(w.grid)
     cells = cell_count(w)
     count = present(w)
+    if ti.static(w.layout == "cells"):
+        count_abreast(w)
+    else:
+        count_through(w, cells, count)
+    if ti.static(w.sleeps):
+        w.naps.state[None].awake = grid.start[cells]
+        if w.naps.state[None].asleep == 0:
+            w.count[None] = grid.start[cells]
+        elif grid.start[cells] < count:
+            w.naps.state[None].due = 1
+    else:
+        w.count[None] = grid.start[cells]
+
+
+@ti.func
+def count_through(w: ti.template(), cells, count):
+    """First slot of every cell, and who comes to every slot: grain by grain."""
+    grid = ti.static(w.grid)
     ti.loop_config(serialize=True)
     for c in range(cells + 2):
         grid.start[c] = 0
@@ -150,14 +171,21 @@ def sort(w: ti.template()):
         c = cells + 1 - k
         grid.start[c] = grid.start[c - 1]
     grid.start[0] = 0
-    if ti.static(w.sleeps):
-        w.naps.state[None].awake = grid.start[cells]
-        if w.naps.state[None].asleep == 0:
-            w.count[None] = grid.start[cells]
-        elif grid.start[cells] < count:
-            w.naps.state[None].due = 1
-    else:
-        w.count[None] = grid.start[cells]
+
+
+@ti.func
+def count_abreast(w: ti.template()):
+    """The same, all grains at once. They come into their cells as threads have it, and are put in order there, but for those who left."""
+    grid = ti.static(w.grid)
+    for c in range(grid.start.shape[0]):
+        grid.start[c] = 0
+    for i in range(present(w)):
+        grid.whole[i][0] = ti.atomic_add(grid.start[grid.cell[i]], 1)
+    running_sums(grid.start, grid.sums, True)
+    for i in range(present(w)):
+        grid.source[grid.start[grid.cell[i]] + grid.whole[i][0]] = i
+    for c in range(cell_count(w)):
+        put_in_order(grid.source, grid.start[c], grid.start[c + 1])
 
 
 @ti.func

@@ -73,14 +73,14 @@ def put(field: Any, rows: np.ndarray) -> None:
 def find_links(w: ti.template()):
     """In a search, after the sort: the slots of both ends of every link, and the way between them."""
     g, links = ti.static(w.grains, w.links)
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=w.layout != "cells")
     for id in range(links.slot.shape[0]):
         links.slot[id] = -1
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=w.layout != "cells")
     for i in range(w.count[None]):
         if g.id[i] < links.slot.shape[0]:
             links.slot[g.id[i]] = i
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=w.layout != "cells")
     for k in range(links.count[None]):
         i, j = links.slot[links.ends[k].x], links.slot[links.ends[k].y]
         links.slots[k] = ti.Vector([i, j])
@@ -128,8 +128,8 @@ def pull_links(w: ti.template(), s: ti.template(), c: ti.template(), when: ti.te
                     b = k // CHUNK
                     pull_block(w, s, c, b * w.links.count[None] // STRIPS, (b + 1) * w.links.count[None] // STRIPS)
         else:
-            for k in range(w.links.count[None]):
-                if when(w):
+            for k in range(w.links.whole.shape[0]):
+                if k < w.links.count[None] and when(w):
                     pull_block(w, s, c, k, k + 1)
 
 

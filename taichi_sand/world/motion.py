@@ -95,7 +95,7 @@ def check_speed(w: ti.template(), i, cap, most_spin):
 
 @ti.func
 def drift(w: ti.template(), start, end):
-    """Moves and turns the grains start .. end-1 for one step, and notes how far they are off the paths that the search foresaw."""
+    """Moves and turns the grains start .. end-1 for one step, and notes if one is too far off the path that the search foresaw."""
     g = ti.static(w.grains)
     step = w.pace[None].step
     cap = w.pace[None].speed_cap
@@ -115,7 +115,8 @@ def drift(w: ti.template(), start, end):
             head(w, i)
             away = (ti.sqrt(away) + off_arc(w, i, time)) ** 2
         off_path = at_least(off_path, away)
-    ti.atomic_max(w.pace[None].off_path, off_path)
+    if 4.0 * off_path > w.pace[None].skin * w.pace[None].skin:
+        w.pace[None].strayed = 1
 
 
 @ti.func
@@ -130,5 +131,5 @@ def close_step(w: ti.template()):
         late = ti.cast(pace[None].since + 1, w.real) * pace[None].step > pace[None].horizon
         if ti.static(w.yields):
             late = late or (pace[None].short == 1 and pace[None].since >= GROWTH_STEPS)
-        if late or 4.0 * pace[None].off_path > pace[None].skin * pace[None].skin:
+        if late or pace[None].strayed == 1:
             pace[None].spent = 1

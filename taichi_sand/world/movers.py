@@ -157,7 +157,6 @@ def close_walls(w: ti.template()):
     """Ends a step: the clocks have gone on, and go on as what is in the way allows; notes how far walls are off their foreseen paths."""
     movers = ti.static(w.movers)
     pace = w.pace[None]
-    off_path = pace.off_path
     for m in range(movers.pose.shape[0]):
         movers.since[m] += movers.rate[m] * pace.step
         if movers.power[m] > 0.0:
@@ -174,9 +173,9 @@ def close_walls(w: ti.template()):
         shift = ti.cast(shift_of(movers, m, movers.phase[m], movers.since[m]), w.real)
         off = (shift - movers.start[m].xy * time).norm()
         off += movers.lever[m] * (ti.abs(turn - movers.start[m].z * time) + 0.5 * turn * turn)
-        off_path = ti.max(off_path, off * off)
+        if 4.0 * off * off > pace.skin * pace.skin:
+            w.pace[None].strayed = 1
         movers.pose[m] = ti.Vector([ti.cos(turn), ti.sin(turn), shift.x, shift.y])
-    w.pace[None].off_path = off_path
 
 
 @ti.func

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import taichi as ti
 
 from taichi_sand.world.geometry import perp, spin, velocity
+from taichi_sand.world.sweep import block_count, pairs_awake
 from taichi_sand.world.tables import round_up
 
 ASLEEP = 1e9
@@ -152,21 +153,19 @@ def watch(w: ti.template(), s: ti.template()) -> ti.i32:
     steps = w.pace[None].done - naps.state[None].seen
     time = steps * w.pace[None].step
     naps.state[None].seen = w.pace[None].done
-    ti.loop_config(serialize=True)
-    for _run in range(1):
-        ready = 0
-        for i in range(awake):
-            v = velocity(w, i)
-            turning = w.grains.radius[i] * spin(w, i)
-            calm = v.dot(v) + turning * turning < (c.sleeping_speed * unit) ** 2
-            naps.still[i] = naps.still[i] + time if calm else 0.0
-            ready += ti.cast(naps.still[i] >= c.sleeping_time, ti.i32)
-        if awake > 0 and asleep > 0:
-            weigh(w, c.sleeping_share)
-        if ready > 0:
-            naps.state[None].owed += (ready + (LAST if ready == awake else 0)) * steps
-        if tired(w):
-            naps.state[None].due = 1
+    ready = 0
+    ti.loop_config(serialize=w.layout != "cells")
+    for i in range(awake):
+        v = velocity(w, i)
+        turning = w.grains.radius[i] * spin(w, i)
+        calm = v.dot(v) + turning * turning < (c.sleeping_speed * unit) ** 2
+        naps.still[i] = naps.still[i] + time if calm else 0.0
+        ready += ti.cast(naps.still[i] >= c.sleeping_time, ti.i32)
+    weigh(w, s, c)
+    if ready > 0:
+        naps.state[None].owed += (ready + (LAST if ready == awake else 0)) * steps
+    if tired(w):
+        naps.state[None].due = 1
     return naps.state[None].due
 
 
@@ -178,46 +177,50 @@ def tired(w: ti.template()):
 
 
 @ti.func
-def weigh(w: ti.template(), share):
+def weigh(w: ti.template(), s: ti.template(), c: ti.template()):
     """Calls the sleepers on which forces no longer balance."""
     naps = ti.static(w.naps)
-    asleep = naps.state[None].asleep
-    first = w.count[None] - asleep
-    for j in range(first, first + asleep):
+    last = w.count[None]
+    first = last - (naps.state[None].asleep if naps.state[None].awake > 0 else 0)
+    ti.loop_config(serialize=w.layout != "cells")
+    for j in range(first, last):
         naps.push[j] = naps.balance[j]
-    for b in range(sleeper_block(w)):
-        for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
-            j = w.pairs.second[p]
-            if j >= first and j < first + asleep:
-                force, normal = w.pairs.force[p], w.pairs.normal[p]
-                naps.push[j] = naps.push[j] + force.x * normal + force.y * perp(normal)
-    weight = w.box[None].gravity.norm()
-    for j in range(first, first + asleep):
+    pairs_awake(w, push_sleeper, s, c)
+    ti.loop_config(serialize=w.layout != "cells")
+    for j in range(first, last):
         if naps.mobility[j].x > 0.0:
-            bound = share * (naps.load[j] + weight / naps.mobility[j].x)
+            bound = c.sleeping_share * (naps.load[j] + w.box[None].gravity.norm() / naps.mobility[j].x)
             if naps.push[j].dot(naps.push[j]) > bound * bound:
                 call(w, j)
 
 
 @ti.func
+def push_sleeper(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
+    """Adds the force of pair p to those on its second grain, if that sleeps."""
+    if ti.static(not wall):
+        naps = ti.static(w.naps)
+        j = w.pairs.second[p]
+        if j >= w.count[None] - naps.state[None].asleep and j < w.count[None]:
+            force, normal = w.pairs.force[p], w.pairs.normal[p]
+            naps.push[j] = naps.push[j] + force.x * normal + force.y * perp(normal)
+
+
+@ti.func
 def sleeper_block(w: ti.template()):
     """Block of the sleepers: the one behind those that a sweep runs over."""
-    b = ti.static(w.blocks.pair_start.shape[0] - 1)
-    if ti.static(w.layout == "cells"):
-        b = w.grid.columns[None] * w.grid.rows[None]
-    return b
+    return block_count(w) - 1
 
 
 @ti.func
 def translate(w: ti.template()):
     """In a search, after the sort: `source` is the slot of each grain when the pairs before were listed."""
     naps, grid = ti.static(w.naps, w.grid)
+    awake, count = naps.state[None].awake, 0
     if naps.state[None].moved == 1:
-        awake = naps.state[None].awake
-        for i in range(awake):
-            grid.source[i] = naps.origin[grid.source[i]]
-        for j in range(awake, awake + naps.state[None].asleep):
-            grid.source[j] = naps.origin[j]
+        count = awake + naps.state[None].asleep
+    ti.loop_config(serialize=w.layout != "cells")
+    for i in range(count):
+        grid.source[i] = naps.origin[grid.source[i]] if i < awake else naps.origin[i]
 
 
 @ti.func
@@ -226,14 +229,14 @@ def settle(w: ti.template()):
     naps, pairs = ti.static(w.naps, w.pairs)
     asleep = naps.state[None].asleep
     first = w.count[None] - asleep
-    if naps.state[None].moved == 1:
-        for j in range(first, first + asleep):
-            w.grid.source[j] = j
-            for half in ti.static(range(2)):
-                at = half * w.capacity + j
-                pairs.row_start[at], pairs.row_count[at] = naps.row_start[j], naps.row_count[j]
-                pairs.wall_row_start[at], pairs.wall_row_count[at] = naps.wall_row_start[j], naps.wall_row_count[j]
-        naps.state[None].moved = 0
+    ti.loop_config(serialize=w.layout != "cells")
+    for j in range(first, first + asleep * naps.state[None].moved):
+        w.grid.source[j] = j
+        for half in ti.static(range(2)):
+            at = half * w.capacity + j
+            pairs.row_start[at], pairs.row_count[at] = naps.row_start[j], naps.row_count[j]
+            pairs.wall_row_start[at], pairs.wall_row_count[at] = naps.wall_row_start[j], naps.wall_row_count[j]
+    naps.state[None].moved = 0
     b = sleeper_block(w)
     last, wall_last = 2 * w.half, 2 * w.half + w.wall_base
     if asleep > 0:

@@ -6,7 +6,7 @@ from taichi_sand.world.clumps import MOST, disc_count, disc_of, turned
 from taichi_sand.world.flags import PAIRS_FULL, flag
 from taichi_sand.world.geometry import mobility, perp, spin, velocity, weigh_clumps
 from taichi_sand.world.memory import remember
-from taichi_sand.world.tables import ABREAST
+from taichi_sand.world.tables import ABREAST, FEW_ABREAST
 
 
 @ti.func
@@ -29,14 +29,14 @@ def may_meet(reach, motion, near, horizon):
 
 
 @ti.func
-def abreast(column: ti.template(), first, part: ti.template()):
-    """Component `part` of ABREAST rows."""
-    return ti.Vector([column[first + k][part] for k in range(ABREAST)])
+def abreast(column: ti.template(), first, part: ti.template(), many: ti.template()):
+    """Component `part` of `many` rows."""
+    return ti.Vector([column[first + k][part] for k in range(many)])
 
 
 @ti.func
 def list_range(w: ti.template(), i, start, end, p, last, lanes: ti.template()):
-    """Lists grain i with those of the grains start .. end-1 that it may meet."""
+    """Lists grain i with those of the grains start .. end-1 that it may meet; with no lanes it only counts them."""
     grid = ti.static(w.grid)
     box = w.box[None]
     pace = w.pace[None]
@@ -44,17 +44,18 @@ def list_range(w: ti.template(), i, start, end, p, last, lanes: ti.template()):
     rounding = 1e-6 * (box.size.x + box.size.y)
     near = w.grains.radius[i] + 0.5 * box.listed + box.bridge + pace.skin + rounding
     row = p
-    for group in range((end - start + ABREAST - 1) // ABREAST):
-        first = start + group * ABREAST
-        x, y = abreast(grid.flight, first, 0) - flight.x, abreast(grid.flight, first, 1) - flight.y
-        u, v = abreast(grid.flight, first, 2) - flight.z, abreast(grid.flight, first, 3) - flight.w
+    many = ti.static(FEW_ABREAST if w.layout == "cells" else ABREAST)
+    for group in range((end - start + many - 1) // many):
+        first = start + group * many
+        x, y = abreast(grid.flight, first, 0, many) - flight.x, abreast(grid.flight, first, 1, many) - flight.y
+        u, v = abreast(grid.flight, first, 2, many) - flight.z, abreast(grid.flight, first, 3, many) - flight.w
         if ti.static(w.periodic[0]):
             x -= box.size.x * ti.floor(x / box.size.x + 0.5)
         if ti.static(w.periodic[1]):
             y -= box.size.y * ti.floor(y / box.size.y + 0.5)
         excess = least_excess(x, y, u, v, near, pace.horizon)
-        hits = ti.select(excess < 0.0, ti.Vector([1 << k for k in range(ABREAST)]), 0).sum()
-        hits &= (1 << ti.min(end - first, ABREAST)) - 1
+        hits = ti.select(excess < 0.0, ti.Vector([1 << k for k in range(many)]), 0).sum()
+        hits &= (1 << ti.min(end - first, many)) - 1
         while hits != 0:
             lowest = hits & -hits
             row = list_pair(w, i, first + 31 - ti.math.clz(lowest), row, last, lanes)
@@ -101,7 +102,9 @@ def list_discs(w: ti.template(), i, j, a, b, reach, weight, row, last, lanes: ti
     radii = rims.x + rims.y
     next_row = row
     if may_meet(apart, motion, radii + w.box[None].bridge + w.pace[None].skin, w.pace[None].horizon):
-        if row >= last:
+        if ti.static(lanes == 0):
+            next_row = row + 1
+        elif row >= last:
             flag(w, PAIRS_FULL, g.id[i])
         else:
             pairs.first[row], pairs.second[row] = i, j

@@ -15,6 +15,7 @@ from taichi_sand.world.memory import carry
 from taichi_sand.world.movers import cast_walls, start_walls
 from taichi_sand.world.naps import call, call_by_walls, settle, site_of, translate
 from taichi_sand.world.near import list_range, may_meet
+from taichi_sand.world.scan import running_sums
 from taichi_sand.world.tables import CHUNK, FAR, STRIPS
 from taichi_sand.world.wall_pairs import list_walls
 
@@ -25,6 +26,8 @@ so in one step, as cells grow with it and a search of large cells costs more tha
 SKIN = 10.0
 """Skin / d = sqrt(SKIN u), u the spread of velocities times h / d. Every listed pair costs in every step, a search once in skin / u
 steps: their sum is least for a skin that goes with the root of u (measured: a search costs as much as some 30 looks at a pair)."""
+SHARES = 16384
+"""Threads that look for the extremes of the velocities on a GPU: each of them has to wait for the others once."""
 STEPS_AHEAD = 16
 """Steps the search tries to foresee; more cost larger cells."""
 MOST_REACH = 2 * MOST_SLACK + MOST_SKIN
@@ -32,20 +35,34 @@ MOST_REACH = 2 * MOST_SLACK + MOST_SKIN
 
 
 @ti.func
+def anchor_all(w: ti.template()):
+    """Anchors the grains; returns their least and their largest velocity along both axes [m/s]."""
+    left, down, right, up = 1e30, 1e30, -1e30, -1e30
+    if ti.static(w.sleeps):
+        if w.naps.state[None].asleep > 0:
+            left, down, right, up = 0.0, 0.0, 0.0, 0.0
+    many = ti.static(SHARES if w.layout == "cells" else 1)
+    ti.loop_config(serialize=w.layout != "cells")
+    for share in range(many):
+        low, high = ti.Vector([1e30, 1e30]), ti.Vector([-1e30, -1e30])
+        for k in range((present(w) - share + many - 1) // many):
+            i = share + k * many
+            anchor(w, i)
+            low, high = ti.min(low, velocity(w, i)), ti.max(high, velocity(w, i))
+        ti.atomic_min(left, low.x)
+        ti.atomic_min(down, low.y)
+        ti.atomic_max(right, high.x)
+        ti.atomic_max(up, high.y)
+    if present(w) == 0:
+        left, down, right, up = 0.0, 0.0, 0.0, 0.0
+    return ti.Vector([left, down]), ti.Vector([right, up])
+
+
+@ti.func
 def foresee(w: ti.template()):
     """Chooses skin, horizon and cells from how much the velocities differ."""
     box = w.box[None]
-    low, high = ti.Vector([1e30, 1e30]), ti.Vector([-1e30, -1e30])
-    if ti.static(w.sleeps):
-        if w.naps.state[None].asleep > 0:
-            low, high = ti.Vector([0.0, 0.0]), ti.Vector([0.0, 0.0])
-    ti.loop_config(serialize=True)
-    for i in range(present(w)):
-        anchor(w, i)
-        low = ti.min(low, velocity(w, i))
-        high = ti.max(high, velocity(w, i))
-    if present(w) == 0:
-        low, high = ti.Vector([0.0, 0.0]), ti.Vector([0.0, 0.0])
+    low, high = anchor_all(w)
     pace = w.pace[None]
     approach = (high - low).norm() * pace.step
     d = box.diameter
@@ -62,7 +79,7 @@ def foresee(w: ti.template()):
             fastest += pushing.x * pace.step
     pace.horizon = ti.min(slack / (approach + 1e-20), 2.0 * MOST_SLACK * d / (fastest + 1e-20)) * pace.step
     pace.grown = ti.cast(pace.since, w.real) * pace.step * pace.growth
-    pace.since, pace.off_path, pace.spent, pace.short = 0, 0.0, 0, 0
+    pace.since, pace.strayed, pace.spent, pace.short = 0, 0, 0, 0
     pace.searches += 1
     pace.impacts = 1
     pace.half = 1 - pace.half
@@ -81,7 +98,7 @@ def foresee(w: ti.template()):
 @ti.func
 def assign_cells(w: ti.template()):
     """Cell of every grain; the one behind the last for those that left."""
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=w.layout != "cells")
     for i in range(present(w)):
         gone = outside(w, i)
         cell = cell_of(w, i)
@@ -101,11 +118,16 @@ def list_block(w: ti.template(), b):
     start = blocks.grain_start[b]
     count = blocks.grain_end[b] - start
     run = (count + lanes - 1) // lanes
-    top = half * w.half + w.rows * (start + (0 if ti.static(lanes == 1) else lanes * b))
+    top = half * w.half + w.rows * (start + lanes * b)
     last = top + w.rows * run * lanes
     q = half * w.half + w.wall_base + w.wall_rows * start
-    blocks.pair_start[b], blocks.wall_start[b] = top, q
     last_q = q + w.wall_rows * count
+    if ti.static(w.layout == "cells"):  # too small for a fixed room: they have been counted
+        top, last = half * w.half + blocks.pair_end[b], half * w.half + w.wall_base - w.boulders
+        q, last_q = half * w.half + w.wall_base + blocks.wall_end[b], (half + 1) * w.half
+        if ti.static(w.boulders > 0):
+            last_q = half * w.half + w.wall_base + w.wall_rows * w.grid.start[cell_count(w) - 1]
+    blocks.pair_start[b], blocks.wall_start[b] = top, q
     end = top
     for lane in range(lanes):
         p = top + lane
@@ -116,7 +138,7 @@ def list_block(w: ti.template(), b):
             next_p = list_neighbours(w, i, p, last, lanes)
             if ti.static(w.sleeps):
                 next_p = list_sleepers(w, i, next_p, last, lanes)
-            next_q = list_walls(w, i, q, last_q)
+            next_q = list_walls(w, i, q, last_q, True)
             pairs.row_count[row], pairs.wall_row_count[row] = (next_p - p) // lanes, next_q - q
             p, q = next_p, next_q
         blocks.lane_end[b * lanes + lane] = p
@@ -124,6 +146,23 @@ def list_block(w: ti.template(), b):
     for lane in range(lanes):
         clear_rows(w, blocks.lane_end[b * lanes + lane], end, lanes)
     blocks.pair_end[b], blocks.wall_end[b] = end, q
+
+
+@ti.func
+def share_out(w: ti.template()):
+    """In cells: counts the pairs of every block; `pair_end` and `wall_end` then say how many come before its own."""
+    blocks = ti.static(w.blocks)
+    for b in range(blocks.pair_end.shape[0]):
+        pairs, walls = 0, 0
+        if b < w.grid.columns[None] * w.grid.rows[None]:
+            for i in range(blocks.grain_start[b], blocks.grain_end[b]):
+                pairs = list_neighbours(w, i, pairs, 0, 0)
+                if ti.static(w.sleeps):
+                    pairs = list_sleepers(w, i, pairs, 0, 0)
+                walls = list_walls(w, i, walls, 0, False)
+        blocks.pair_end[b], blocks.wall_end[b] = pairs, walls
+    running_sums(blocks.pair_end, w.grid.sums, True)
+    running_sums(blocks.wall_end, w.grid.sums, True)
 
 
 @ti.func
@@ -192,16 +231,22 @@ def list_sleepers(w: ti.template(), i, p, last, lanes: ti.template()):
             else:
                 top = site_of(w, x, high.y) + 1
                 row = list_range(w, i, naps.start[site_of(w, x, low.y)], naps.start[top], row, last, lanes)
-        for k in range((row - p) // lanes):
-            q = p + k * lanes
-            apart, motion = w.pairs.reach[q], v
-            if ti.static(w.clumps):
-                apart = w.pairs.normal[q] * (w.pairs.gap[q] + w.pairs.contact_distance[q])
-                motion += spin(w, i) * perp(turned(w, i, w.pairs.arms[q].xy))
-            if motion.dot(w.pairs.normal[q]) > naps.state[None].impact:
-                if may_meet(apart, -motion, w.pairs.contact_distance[q], w.pace[None].horizon):
-                    call(w, w.pairs.second[q])
+        if ti.static(lanes > 0):
+            for k in range((row - p) // lanes):
+                call_before_impact(w, i, p + k * lanes)
     return row
+
+
+@ti.func
+def call_before_impact(w: ti.template(), i, q):
+    """Wakes the sleeper of pair q if grain i, which is awake, is about to hit it."""
+    apart, motion = w.pairs.reach[q], velocity(w, i)
+    if ti.static(w.clumps):
+        apart = w.pairs.normal[q] * (w.pairs.gap[q] + w.pairs.contact_distance[q])
+        motion += spin(w, i) * perp(turned(w, i, w.pairs.arms[q].xy))
+    if motion.dot(w.pairs.normal[q]) > w.naps.state[None].impact:
+        if may_meet(apart, -motion, w.pairs.contact_distance[q], w.pace[None].horizon):
+            call(w, w.pairs.second[q])
 
 
 @ti.func
@@ -217,6 +262,8 @@ def search(w: ti.template()):
     if ti.static(w.linked):
         find_links(w)
     cut_blocks(w)
+    if ti.static(w.layout == "cells"):
+        share_out(w)
     if ti.static(w.boulders > 0):
         ti.loop_config(serialize=True)
         for _run in range(1):

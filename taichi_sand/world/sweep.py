@@ -3,7 +3,13 @@
 Two blocks of one colour share no grain, so whatever a pair function does to its two grains it may do with plain writes, in a fixed
 order. A block is the whole world ("one": a serial loop at the speed of C), a strip of columns ("strips": 2 colours), or a cell
 ("cells": 3 x 2 colours). The layout follows from the size of the world and the backend, never from the number of threads.
+
+On a GPU every loop of a step is a launch. A step of md has 9, one of rigid 32, of about 15 and 10 microseconds on an NVIDIA H200, mostly waiting
+for memory: the cells of a colour are worked on at once, but the pairs of a cell one after the other. So a step takes as long whatever
+the number of grains, up to some 100000.
 """
+
+from typing import Any
 
 import taichi as ti
 
@@ -11,6 +17,8 @@ from taichi_sand.world.geometry import present
 from taichi_sand.world.tables import CHUNK, STRIPS
 
 CELL_COLOURS = 6
+CELL_THREADS = 32
+"""Threads of a group on a GPU, where each has a cell: small groups spread over all of it, and a thread mostly waits for memory."""
 
 
 @ti.func
@@ -43,10 +51,21 @@ def nothing(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
     """Grain function of a sweep that only looks at pairs."""
 
 
+def is_nothing(grain: Any) -> bool:
+    """Whether that is the grain function."""
+    return grain is nothing
+
+
 @ti.func
 def going(w: ti.template()):
     """Whether there is anything to do before the next search."""
     return w.pace[None].spent == 0
+
+
+@ti.func
+def always(w: ti.template()):
+    """A sweep that asks for nothing."""
+    return True
 
 
 @ti.func
@@ -65,7 +84,8 @@ def sweep(w: ti.template(), pair: ti.template(), grain: ti.template(), s: ti.tem
         sweep_strips(w, pair, grain, s, c, when)
     else:
         sweep_cells(w, pair, s, c, when)
-        each_grain(w, grain, s, c)
+        if ti.static(not is_nothing(grain)):
+            each_grain(w, grain, s, c)
 
 
 @ti.func
@@ -108,12 +128,51 @@ def sweep_strips(w: ti.template(), pair: ti.template(), grain: ti.template(), s:
 
 @ti.func
 def sweep_cells(w: ti.template(), pair: ti.template(), s: ti.template(), c: ti.template(), when: ti.template()):
-    """Six colours of cells; colours are dealt so that neither the E nor the N, NE, SE neighbours of two cells of one colour meet."""
+    """Six colours of cells; colours are dealt so that neither the E nor the N, NE, SE neighbours of two cells of one colour meet.
+
+    The ranges do not depend on what is in the world: a GPU then starts no more threads than there can be work for, and needs no launch
+    to find out how many.
+    """
     for colour in ti.static(range(CELL_COLOURS)):
-        for b in range(w.grid.columns[None] * w.grid.rows[None]):
-            column, row = b // w.grid.rows[None], b % w.grid.rows[None]
-            if (column % 2) * 3 + row % 3 == colour and when(w):
-                sweep_block(w, b, pair, s, c)
+        ti.loop_config(block_dim=CELL_THREADS)
+        for k in range(w.colour_cells):
+            columns, rows = w.grid.columns[None], w.grid.rows[None]
+            column, row = k // (rows // 3 + 1) * 2 + ti.static(colour // 3), k % (rows // 3 + 1) * 3 + ti.static(colour % 3)
+            if column < columns and row < rows and when(w):
+                sweep_block(w, column * rows + row, pair, s, c)
+
+
+@ti.func
+def pairs_awake(w: ti.template(), pair: ti.template(), s: ti.template(), c: ti.template()):
+    """pair(w, s, c, row, wall) on all pairs but those among sleepers, between launches: block by block, or in colours of cells."""
+    if ti.static(w.layout == "cells"):
+        if ti.static(w.boulders > 0):
+            sweep_boulders(w, (pair,), nothing, s, c, always)
+        sweep_cells(w, (pair,), s, c, always)
+    else:
+        ti.loop_config(serialize=True)
+        for b in range(block_count(w) - ti.static(int(w.sleeps))):
+            sweep_block(w, b, (pair,), s, c)
+
+
+@ti.func
+def every_pair(w: ti.template(), pair: ti.template(), s: ti.template(), c: ti.template()):
+    """The same on all pairs: those among sleepers, which know no colours, come last, one after the other."""
+    pairs_awake(w, pair, s, c)
+    if ti.static(w.sleeps):
+        ti.loop_config(serialize=True)
+        for _run in range(1):
+            sweep_block(w, block_count(w) - 1, (pair,), s, c)
+
+
+@ti.func
+def each_pair(w: ti.template(), pair: ti.template(), s: ti.template(), c: ti.template(), when: ti.template()):
+    """pair(w, s, c, row, wall), which writes to nothing but its row, on all pairs but those among sleepers, if when(w): in cells, which
+    need no colours for that.
+    """
+    for b in range(w.blocks.pair_start.shape[0]):
+        if b < block_count(w) - ti.static(int(w.sleeps)) and when(w):
+            sweep_block(w, b, (pair,), s, c)
 
 
 @ti.func
@@ -128,6 +187,6 @@ def each_grain(w: ti.template(), grain: ti.template(), s: ti.template(), c: ti.t
             if k % CHUNK == 0 and going(w):
                 grains_of_block(w, k // CHUNK, grain, s, c)
     else:
-        for i in range(present(w)):
-            if going(w):
+        for i in range(w.capacity):
+            if i < present(w) and going(w):
                 grain(w, s, c, i, i + 1)

@@ -29,6 +29,8 @@ nothing, and cost where the world no longer fits the caches, as a processor fetc
 with 2, 4 and 8: 27.8, 26.8, 26.8 for 1000, 32.1, 33.3, 38.3 for 20000 grains; 36, 40, 49 for 100000 in strips)."""
 ABREAST = 16
 """Grains that are looked at together: a vector of the widest processors."""
+FEW_ABREAST = 4
+"""The same in the layout "cells": about what three cells hold."""
 FAR = 1e15
 
 
@@ -132,6 +134,7 @@ class World:
     wall_rows: int  # and of its part for walls
     layout: str  # of the sweep: "one", "strips" or "cells"
     lanes: int  # runs that a block's pairs are dealt from
+    colour_cells: int  # cells of one colour there may be, in the layout "cells"
     real: Any  # ti.f32 or ti.f64
 
 
@@ -141,7 +144,7 @@ def pace_type(real: Any) -> Any:
         skin=real,  # pairs closer than this on their foreseen paths are listed [m]
         horizon=real,  # time for which the search has foreseen the paths [s]
         since=ti.i32,  # steps since the search
-        off_path=real,  # largest squared distance of a grain from its foreseen path [m2]
+        strayed=ti.i32,  # 1 = a grain, or a wall that moves, is off its foreseen path by half the skin
         spent=ti.i32,  # 1 = search before the next step
         impacts=ti.i32,  # rigid: 1 = some pair may collide in this step
         guess=ti.i32,  # rigid: 1 = the impulses carried over are yet to be applied in this step

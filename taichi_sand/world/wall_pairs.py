@@ -19,8 +19,8 @@ from taichi_sand.world.memory import remember_wall, yield_deep
 
 
 @ti.func
-def list_walls(w: ti.template(), i, q, last):
-    """Lists the discs of grain i with the parts of walls that they may meet. Returns the next row."""
+def list_walls(w: ti.template(), i, q, last, listing: ti.template()):
+    """Lists the discs of grain i with the parts of walls that they may meet, or, not `listing`, counts them. Returns the next row."""
     g = ti.static(w.grains)
     walls = ti.static(w.walls)
     row = q
@@ -30,29 +30,29 @@ def list_walls(w: ti.template(), i, q, last):
     if g.mobility[i].x > 0.0:
         site = place.x * sites.y + place.y
         for e in range(walls.start[site], walls.start[site + 1]):
-            row = list_entry(w, i, e, over, row, last)
+            row = list_entry(w, i, e, over, row, last, listing)
         if ti.static(w.moves):
             k = w.movers.head[site]
             while k >= 0:
-                row = list_entry(w, i, walls.room + k, over, row, last)
+                row = list_entry(w, i, walls.room + k, over, row, last, listing)
                 k = w.movers.next[k]
     return row
 
 
 @ti.func
-def list_entry(w: ti.template(), i, e, over, q, last):
+def list_entry(w: ti.template(), i, e, over, q, last, listing: ti.template()):
     """Lists the discs of grain i, `over` from the centre of its site, with entry e of the walls. Returns the next row."""
     row = q
     if ti.static(w.clumps):
         for a in range(disc_count(w, i)):
-            row = list_wall(w, i, a, e, w.walls.point[e] - over, row, last)
+            row = list_wall(w, i, a, e, w.walls.point[e] - over, row, last, listing)
     else:
-        row = list_wall(w, i, 0, e, w.walls.point[e] - over, row, last)
+        row = list_wall(w, i, 0, e, w.walls.point[e] - over, row, last, listing)
     return row
 
 
 @ti.func
-def list_wall(w: ti.template(), i, a, e, way, row, last):
+def list_wall(w: ti.template(), i, a, e, way, row, last, listing: ti.template()):
     """Lists disc a of grain i with entry e of the walls, `way` from the grain's centre, if they may meet. Returns the next row."""
     g = ti.static(w.grains)
     walls = ti.static(w.walls)
@@ -84,7 +84,9 @@ def list_wall(w: ti.template(), i, a, e, way, row, last):
     distance = reach.norm()
     meets = distance < near + toward and distance * distance + beyond * beyond < (near + flight.norm()) ** 2
     if meets or (side == 1 and along.cross(reach) > 0.0):
-        if row >= last:
+        if ti.static(not listing):
+            next_row += 1
+        elif row >= last:
             flag(w, WALL_PAIRS_FULL, g.id[i])
         else:
             write_wall_row(w, row, i, a, walls.part[e], reach, arm, along, bounds, side)
