@@ -4,9 +4,9 @@ Two blocks of one colour share no grain, so whatever a pair function does to its
 order. A block is the whole world ("one": a serial loop at the speed of C), a strip of columns ("strips": 2 colours), or a cell
 ("cells": 3 x 2 colours). The layout follows from the size of the world and the backend, never from the number of threads.
 
-On a GPU every loop of a step is a launch. A step of md has 9, one of rigid 32, of about 15 and 10 microseconds on an NVIDIA H200, mostly waiting
-for memory: the cells of a colour are worked on at once, but the pairs of a cell one after the other. So a step takes as long whatever
-the number of grains, up to some 100000.
+On a GPU every loop of a step is a launch. A step of md has 9, one of rigid 32, of about 15 and 10 microseconds on an NVIDIA H200, most
+of it waiting for memory: the cells of a colour are worked on at once, but the pairs of a cell one after the other. So a step takes as
+long whatever the number of grains, up to some 100000.
 """
 
 from typing import Any
