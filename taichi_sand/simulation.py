@@ -20,7 +20,7 @@ from taichi_sand.solvers import choose
 from taichi_sand.solvers.tolerance import Bed, bed_of, depth_of
 from taichi_sand.world import census, checkpoint, device, sources
 from taichi_sand.world import hand as hands
-from taichi_sand.world.build import fill, make_world
+from taichi_sand.world.build import check_periodic, fill, make_world
 from taichi_sand.world.motion import close_step
 from taichi_sand.world.naps import called
 from taichi_sand.world.pairs import search, search_now
@@ -91,6 +91,7 @@ class Simulation(Readings):
             self.effects = effect_modules.check(scene)
             grains = pack(scene)
             planned = sources.foreseen(scene, grains)
+            check_periodic(scene, planned, effect_modules.reach(self.effects), self.arch != "cpu")
             if hand and not room:
                 self.room = max(LEAST_ROOM, len(grains) // 2)
             self._lay(planned, hand)

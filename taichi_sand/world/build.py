@@ -47,7 +47,7 @@ def lay_lattice(size: tuple[float, float], diameter: float, count: int) -> tuple
     return tuple(side / n for side, n in zip(size, sites, strict=True)), sites
 
 
-def check_periodic(scene: Any, pack: Pack, reach: float, layout: str) -> None:
+def check_periodic(scene: Any, pack: Pack, reach: float, gpu: bool) -> None:
     """SandError if a periodic axis has room for less than three of the widest cells: a search could then pair two grains twice. Columns
     of cells that are swept in colours come in twos, so there must be four.
     """
@@ -55,7 +55,7 @@ def check_periodic(scene: Any, pack: Pack, reach: float, layout: str) -> None:
         return
     widest = 2 * float(pack.radius.max()) + (MOST_SKIN + MOST_SLACK + reach) * 2 * float(pack.size.mean())
     for axis, side, length in (("x", "left", scene.size[0]), ("y", "bottom", scene.size[1])):
-        least = (4.001 if layout == "cells" and axis == "x" else 3.001) * widest
+        least = (4.001 if axis == "x" and layout_of(gpu, len(pack)) == "cells" else 3.001) * widest
         if getattr(scene.edges, side) == "periodic" and length < least:
             text = f"{length:g} m is too short for a box periodic along {axis}; these grains need at least {least:.3g} m"
             raise scene.error("size", text)
@@ -137,7 +137,6 @@ def make_world(
     effects act on grains up to `reach` [d] apart, and tie the grains `links` (n, 2) together.
     """
     layout = layout_of(gpu, len(pack))
-    check_periodic(scene, pack, reach, layout)
     real, capacity = ti.f64 if scene.solver.precision == 64 else ti.f32, round_up(len(pack) + room + 1)
     lengths, boulders = lengths_of(scene, pack, reach, sleeps)
     diameter, sight = lengths["diameter"], lengths["largest"] / 2 + MOST_REACH * lengths["diameter"] + lengths["bridge"]
