@@ -23,7 +23,7 @@ from taichi_sand.world import hand as hands
 from taichi_sand.world.build import check_periodic, fill, make_world
 from taichi_sand.world.motion import close_step
 from taichi_sand.world.naps import called
-from taichi_sand.world.pairs import search, search_now
+from taichi_sand.world.pairs import progress, search, search_now
 from taichi_sand.world.rest import rearrange, wake
 from taichi_sand.world.wall_scene import change_walls, check_speeds, fastest_wall, set_patience
 from taichi_sand.world.water import pour
@@ -60,12 +60,6 @@ def step_alone(w: ti.template(), s: ti.template()):
     """One step, its loops over blocks in parallel; nothing happens if a search is due."""
     s.step(w, s)
     close_step(w)
-
-
-@ti.kernel
-def progress(w: ti.template()) -> ti.types.vector(2, ti.i32):
-    """Whether a search is due, and how many steps are done: together, as a GPU is waited for at every look."""
-    return ti.Vector([w.pace[None].spent, w.pace[None].done])
 
 
 class Simulation(Readings):

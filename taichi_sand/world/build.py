@@ -136,11 +136,10 @@ def make_world(
     `extra` columns of the pair table follow a pair; `carried` names the columns that follow a grain, and what a grain starts with;
     effects act on grains up to `reach` [d] apart, and tie the grains `links` (n, 2) together.
     """
-    layout = layout_of(gpu, len(pack))
+    layout, moves = layout_of(gpu, len(pack)), bool(moving_walls(scene))
     real, capacity = ti.f64 if scene.solver.precision == 64 else ti.f32, round_up(len(pack) + room + 1)
     lengths, boulders = lengths_of(scene, pack, reach, sleeps)
     diameter, sight = lengths["diameter"], lengths["largest"] / 2 + MOST_REACH * lengths["diameter"] + lengths["bridge"]
-    moves = bool(moving_walls(scene))
     spacing, sites = lay_lattice(scene.size, diameter, capacity)
     least_cell, most_cells = plan_cells(scene.size, lengths["listed"] + lengths["bridge"], capacity)
     cells, lanes = round_up(most_cells + 1), LANES[layout]

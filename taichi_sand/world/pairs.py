@@ -285,3 +285,9 @@ def search(w: ti.template()):
 def search_now(w: ti.template()):
     """One search, its loops over blocks in parallel."""
     search(w)
+
+
+@ti.kernel
+def progress(w: ti.template()) -> ti.types.vector(2, ti.i32):
+    """Whether a search is due, and how many steps are done: together, as a GPU is waited for at every look."""
+    return ti.Vector([w.pace[None].spent, w.pace[None].done])
