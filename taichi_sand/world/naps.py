@@ -149,7 +149,7 @@ def watch(w: ti.template(), s: ti.template()) -> ti.i32:
     c = s.constants[None]
     unit = ti.sqrt(w.box[None].gravity.norm() * w.box[None].diameter)
     naps.state[None].impact = c.sleeping_impact * unit
-    awake, asleep = naps.state[None].awake, naps.state[None].asleep
+    awake = naps.state[None].awake
     steps = w.pace[None].done - naps.state[None].seen
     time = steps * w.pace[None].step
     naps.state[None].seen = w.pace[None].done
