@@ -79,4 +79,5 @@ if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder, Playing(Path(folder), *(sys.argv[2:] or ["pile"])) as monkeys_window:
         told = play(monkeys_window, 60 * float(sys.argv[1]), [key.key for key in KEYS])
         shown = ("events", "time", "grains", "kinetic_energy_J", "speed_max_m_s", "solver", "flags", "unphysical", "undo", "grown")
-        print({name: told[name] for name in shown}, "exit", monkeys_window.close())
+        print({name: told[name] for name in shown}, flush=True)
+        print("exit", monkeys_window.close())

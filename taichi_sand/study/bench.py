@@ -28,7 +28,7 @@ BED_DEPTH = 30
 """Layers of the bed at rest that shows what a step costs: as deep for any number of grains, so that step and state are the same."""
 
 FRONTS = {
-    5000: ((0.1, 0.04, 0.02, 0.01, 0.005), (480, 960, 1920), ("-f 240 -it 8 -pit 4", "-f 480 -it 8 -pit 4", "-f 960 -it 8 -pit 4")),
+    5000: ((0.2, 0.1, 0.04, 0.02, 0.01, 0.005), (480, 960, 1920), ("-f 240 -it 8 -pit 4", "-f 480 -it 8 -pit 4", "-f 960 -it 8 -pit 4")),
     20000: ((0.3, 0.08, 0.04, 0.02), (240,), ("-f 240 -it 10 -pit 5", "-f 480 -it 8 -pit 4")),
 }
 """By number of grains: our tolerances, steps a second of pymunk (10 iterations), settings of the native rigid program."""
