@@ -148,8 +148,8 @@ def toggles(solver: dict[str, Any]) -> Iterator[Gate]:
     before, rows = (energy(sim), undone(sim)), np.hstack([sim.positions, sim.radii[:, None], sim.velocities])
     other = {"kind": "md" if solver["kind"] == "rigid" else "rigid", "tolerance": solver["tolerance"]}
     sim = simulate([{"positions": rows.tolist()}], (0.3, 0.3), other, gravity=DOWN, mu=0.5)
-    yield from no_jump(sim, "other solver", *before)
     yield from sound(sim, 200)
+    yield from no_jump(sim, "other solver", *before)
 
 
 def no_jump(sim: Any, what: str, before: float, overlaps: float) -> Iterator[Gate]:

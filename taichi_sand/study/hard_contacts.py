@@ -8,7 +8,7 @@ import numpy as np
 
 from taichi_sand.solvers.tolerance import MD_CHAINS, RIGID_LOAD, SAG
 from taichi_sand.study.laboratory import OPEN, D, Disc, G, M, R, simulate
-from taichi_sand.study.stress import DOWN, PILE, UNIT, Gate, Watch, case, inside, poured, rms_speed, sound
+from taichi_sand.study.stress import DOWN, PILE, TOP_SPEED, UNIT, Gate, Watch, case, inside, poured, rms_speed, sound
 from taichi_sand.world.hand import ATTRACT
 
 
@@ -234,7 +234,7 @@ def rush(solver: dict[str, Any]) -> Iterator[Gate]:
     watch = Watch(sim, drop=0.0, speed=0.21 * math.sqrt(G / 0.5))  # the pull grows as G r / 0.5 m at first
     watch.run(4.0)
     yield from sound(sim, 400)
-    yield Gate("top speed / possible", watch.top_speed / watch.fastest, 1.0)
+    yield Gate(TOP_SPEED, watch.top_speed / watch.fastest, 1.0)
     yield Gate("overlap p99 / tolerance", watch.last["overlap_p99"] / solver["tolerance"], 1.0)
     yield Gate("rms speed / sqrt(g d)", rms_speed(sim), 1e-2)
 

@@ -26,6 +26,7 @@ UNIT = math.sqrt(G * D)
 """Speed sqrt(g d) of discs of 1 cm [m/s]."""
 PILE = {"radius": R, "count": 300, "fill": "hexagonal", "region": [0.0, 0.0, 0.3, 0.2]}
 """300 discs that touch one another, on the floor of a box 0.3 m wide."""
+TOP_SPEED = "top speed / possible"
 EXPLOSION = 1e3
 """Measured value of a gate that could not be measured, as numbers in it are not finite."""
 
@@ -205,7 +206,7 @@ class Watch:
         overlaps, `parting` [m g d a grain], and half an m g d a grain, which is what they have when they part at sqrt(g d).
         """
         yield from sound(self.sim, self.grains)
-        yield Gate("top speed / possible", self.top_speed / self.fastest, 1.0)
+        yield Gate(TOP_SPEED, self.top_speed / self.fastest, 1.0)
         if parting is not None:
             unit = self.weight / self.drop * self.sim.bed.diameter
             yield Gate("energy of parting / that of the heap undone and m g d / 2 a grain", self.top_energy / unit / (parting + 0.5), 1.0)
