@@ -4,21 +4,21 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, replace
-from pathlib import Path
-from typing import Any, Self
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import taichi as ti
 
 from taichi_sand import effects as effect_modules
+from taichi_sand.keeping import Keeping
 from taichi_sand.readings import Readings
 from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.packing import pack
 from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers import choose
 from taichi_sand.solvers.tolerance import Bed, bed_of, depth_of
-from taichi_sand.world import census, checkpoint, device, sources
+from taichi_sand.world import census, device, sources
 from taichi_sand.world import hand as hands
 from taichi_sand.world.build import check_periodic, fill, make_world
 from taichi_sand.world.motion import close_step
@@ -62,7 +62,7 @@ def step_alone(w: ti.template(), s: ti.template()):
     close_step(w)
 
 
-class Simulation(Readings):
+class Simulation(Keeping, Readings):
     """A scene in motion.
 
     Args:
@@ -312,25 +312,3 @@ class Simulation(Readings):
             self.clock["compile" if name == "compile" else "wall"] += spent
             if name != "compile":
                 self.clock["stages"][name] = self.clock["stages"].get(name, 0.0) + spent
-
-    def _fields(self) -> dict[str, Any]:
-        return checkpoint.fields_of((self.world, self.solver), "")
-
-    def save(self, path: str | Path, **more: Any) -> None:
-        """Writes a checkpoint from which `resume` goes on as if nothing had happened; `more` (JSON) is kept with it."""
-        about = {"scene": self.scene.to_json(), "lost": self.lost, "room": self.room, "hand": self.hand is not None}
-        about |= {name: getattr(self, name) for name in ("made", "removed", "epoch", "numbers")}
-        about["first_walls"] = [wall.model_dump(exclude_unset=True) for wall in self.first_walls]
-        checkpoint.save(path, {**about, **more, "bed": asdict(self.bed)}, self._fields())
-
-    @classmethod
-    def resume(cls, path: str | Path, *, arch: str = "cpu", threads: int | None = None) -> Self:
-        """The simulation that was saved to `path`; SandError if the file is damaged, foreign or of another version."""
-        about, arrays = checkpoint.load(path)
-        scene = Scene.from_json(about["scene"])
-        sim = cls(scene.with_walls(about["first_walls"]), arch=arch, threads=threads, room=about["room"], hand=about["hand"])
-        sim.scene = scene
-        checkpoint.restore(sim._fields(), arrays, path)
-        sim.made, sim.removed, sim.epoch, sim.numbers = about["made"], about["removed"], tuple(about["epoch"]), about["numbers"]
-        sim.bed, sim.steps = Bed(**about["bed"]), int(sim.world.pace[None].done)
-        return sim

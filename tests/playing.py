@@ -190,7 +190,7 @@ class Playing:
         box = (left, top, left + width, top + height)
         return np.asarray(ImageGrab.grab(box, xdisplay=self.environment["DISPLAY"]).convert("RGB"))
 
-    def close(self) -> int:
+    def close(self, patience: float = PATIENCE) -> int:
         """Closes the window as its close button does; the exit status."""
         subprocess.run([sys.executable, "-c", CLOSE, self.window], env=self.environment, check=True, timeout=30)
-        return self.process.wait(PATIENCE)
+        return self.process.wait(patience)
