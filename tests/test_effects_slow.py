@@ -41,6 +41,30 @@ def test_a_damp_wall_stands_a_minute_and_a_high_one_falls() -> None:
     assert not wall_stands(5.0, 4 * CRITICAL * 5.0, 3.0)
 
 
+TOWERS, CREST = 0.2, 0.21
+"""Grains that start above TOWERS belong to the tops of the towers, and damp ones stay above CREST [m]."""
+
+
+def test_the_rigid_sandcastle() -> None:
+    """Damp it stands for a minute, door and towers, but for a loose grain in a hundred; dry or flooded its towers are gone after 4 s."""
+    for wetness, seconds in ((0.1, 60.0), (0.0, 4.0), (0.4, 4.0)):
+        fresh_taichi()
+        scene = sand.load("sandcastle", ["solver.kind=rigid", f"effects.moisture.wetness={wetness}"])
+        sim = sand.Simulation(scene, threads=1)
+        start = sim.positions[:, 1]
+        sim.advance(min(4.0, seconds))
+        early = sim.positions
+        sim.advance(seconds - 4.0)
+        assert not sim.flags()
+        top = sim.positions[start > TOWERS, 1]
+        if wetness == 0.1:
+            assert top.max() > CREST and np.quantile(np.abs(sim.positions - early), 0.99) < D
+            x, y = sim.positions.T
+            assert not ((np.abs(x - 0.395) < 0.02) & (np.abs(y - 0.08) < 0.02)).any()  # the door is open
+        else:
+            assert top.max() < 0.75 * CREST
+
+
 def slope(sim: Any) -> float:
     """Angle of the surface of a heap in the left corner [degrees]: a line through the highest grains of its middle part."""
     x, y = sim.positions.T

@@ -167,6 +167,8 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
                 want += c.impulse_scale * (carried.x - s.reference[p] * c.step)
         elif s.reference[p] > 0.0:
             want *= OVER_RELAXATION
+        if low < 0.0 and gap > 0.0 and want > carried.x:
+            want = at_least(carried.x, draw(w, s, c, p, gap, speed, carried.x, soft))
         new = ti.Vector([at_least(low, carried.x - want), 0.0])
         arm_i, arm_j = arms(w, i, j, gap, lever, wall)
         if ti.static(w.turns):
@@ -181,6 +183,17 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
         if speed < -0.5 * c.threshold and 2.0 * speed * c.step + gap < 0.0:
             w.pace[None].impacts = 1
     return carried
+
+
+@ti.func
+def draw(w: ti.template(), s: ti.template(), c: ti.template(), p, gap, speed, carried, soft: ti.template()):
+    """By how much the impulse of pair p changes where a bridge draws two grains together that are apart: as softly as an overlap is
+    pushed out. Were the gap to close within the step, bridges that pull against one another would shake a pile for good.
+    """
+    change = w.pairs.mass[p] * speed
+    if ti.static(soft):
+        change = c.mass_scale * (change + w.pairs.mass[p] * c.bias_rate * gap) + c.impulse_scale * (carried - s.reference[p] * c.step)
+    return change
 
 
 @ti.func

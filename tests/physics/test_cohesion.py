@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from helpers import D, Disc, G, K, M, R, simulate
 
+import taichi_sand as sand
+
 T_C = math.pi * math.sqrt(M / 2 / K)
 SOLVERS = {
     "md": {"kind": "md", "k_r": K, "restitution": 0.5, "step": T_C / 30},
@@ -56,3 +58,14 @@ def test_capture_speed(name: str) -> None:
         sim.advance(0.2)
         apart = (sim.positions[1, 0] - sim.positions[0, 0]) / D - 1
         assert apart < RUPTURE if sticks else apart > 2 * RUPTURE
+
+
+def test_a_wet_heap_comes_to_rest() -> None:
+    """Rigid discs of sizes +-20 %, Bo = 20, pull against one another everywhere: they rest as dry ones do, and do not shake."""
+    grains = {"radius": [0.4 * D, 0.6 * D], "fill": "hexagonal", "region": [0.0, 0.0, 20 * D, 12 * D]}
+    effects = {"friction": {"mu": 0.5}, "rolling": {"mu": 0.1}, "cohesion": {"bond": 20.0}}
+    sim = sand.Simulation(sand.Scene(size=[60 * D, 20 * D], grains=[grains], effects=effects, seed=1), threads=1)
+    sim.advance(2.0)
+    report = sim.report()
+    weight = float((sim.radii**2).sum()) * math.pi * 2650 * G
+    assert report["kinetic_energy_J"] < 1e-6 * weight * D
