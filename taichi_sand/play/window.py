@@ -68,8 +68,8 @@ class Window:
         self.canvas = self.gui.img
 
     def wait(self, text: str) -> None:
-        """Says that something takes a while."""
-        if text:
+        """Says that something takes a while; not once the window is being closed, which Taichi answers with an error."""
+        if text and self.gui.running:
             self.screen.message(self.canvas, text)
             self.gui.core.update()
 
@@ -119,6 +119,8 @@ class Window:
         width, height = self.screen.size
         busy = False
         for event in list(self.gui.get_events()):
+            if not self.gui.running:
+                break
             busy = True
             self.controls.handle(event, event.pos[0] * width, (1 - event.pos[1]) * height)
             width, height = self.screen.size
