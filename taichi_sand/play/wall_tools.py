@@ -41,7 +41,7 @@ def build(stroke: "Stroke") -> None:
         census.remove(sim.world, slots)
         sim.removed += len(slots)
         sim.renew()
-        stroke.session.message = f"{len(slots)} grain{'' if len(slots) == 1 else 's'} stood in the way of the wall and were taken out"
+        stroke.session.message = f"{len(slots)} {'grain' if len(slots) == 1 else 'grains'} stood in the way of the wall: taken out"
 
 
 def cut_through(stroke: "Stroke", points: np.ndarray) -> np.ndarray:
