@@ -31,7 +31,7 @@ def overlapping(sim: sand.Simulation, periodic: bool) -> set[tuple[int, int]]:
     return {(int(i), int(j)) for i, j in np.argwhere(np.triu(gap < 0, 1))}
 
 
-@pytest.mark.parametrize(("kind", "case"), [("md", "one"), ("rigid", "periodic"), ("rigid", "cells")])
+@pytest.mark.parametrize(("kind", "case"), [("md", "one"), pytest.param("rigid", "periodic", marks=pytest.mark.slow), ("rigid", "cells")])
 def test_no_contact_is_missed(kind: str, case: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """C23: five boulders fall into 1500 grains: every overlap that O(n^2) finds is listed, once, also across edges, and in cells as on
     a GPU; the cells are those of the small grains; nothing is lost or flagged.

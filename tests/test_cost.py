@@ -92,7 +92,7 @@ def test_full_tries_everything() -> None:
     assert {s.family for s in settings} >= {"rigid", "md rk4", "md velocity verlet 64 bit"}
 
 
-@pytest.mark.parametrize("kind", ["rigid", "md"])
+@pytest.mark.parametrize("kind", ["rigid", pytest.param("md", marks=pytest.mark.slow)])
 def test_halving_the_step_never_hurts(kind: str) -> None:
     """Half the step: the range of the runs of no error lies above that before. (md keeps its stiffness.)"""
     runner = cost.Runner(small, 0.6, "cpu", 1)

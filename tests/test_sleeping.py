@@ -38,7 +38,11 @@ def asleep(sim: sand.Simulation) -> int:
     return int(sim.report()["grains_asleep"])
 
 
-@pytest.mark.parametrize("kind", ["md", "rigid"])
+SOLVERS = [pytest.param("md", marks=pytest.mark.slow), "rigid"]
+"""What both solvers do by the same code is tried with `md` among the slow tests."""
+
+
+@pytest.mark.parametrize("kind", SOLVERS)
 def test_falling_asleep_and_waking_costs_no_energy(kind: str) -> None:
     """The kinetic energy that sleep takes, and that waking sets free, is below 1e-6 m g d a grain; forces and overlaps stay."""
     sim = bed(kind, {}, LEAVING)
@@ -129,7 +133,7 @@ def test_changes_by_hand_wake(kind: str) -> None:
     assert sim.count == 101 and not sim.flags()
 
 
-@pytest.mark.parametrize("kind", ["md", "rigid"])
+@pytest.mark.parametrize("kind", SOLVERS)
 def test_resumes_with_sleepers(kind: str, tmp_path: Path) -> None:
     sim = bed(kind, QUICK)
     sim.advance(0.3)
@@ -159,7 +163,7 @@ def test_strips_sleep_to_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     assert ends[0] == ends[1]
 
 
-@pytest.mark.parametrize("kind", ["md", "rigid"])
+@pytest.mark.parametrize("kind", SOLVERS)
 def test_clumps_sleep_and_wake(kind: str) -> None:
     """A heap of triangles falls asleep and does not move a bit; woken by hand every contact is as it was; a falling disc wakes some."""
     fresh_taichi()
@@ -226,7 +230,7 @@ def test_waking_a_few_changes_nothing_else(kind: str) -> None:
     assert asleep(sim) == 100
 
 
-@pytest.mark.parametrize("kind", ["md", "rigid"])
+@pytest.mark.parametrize("kind", SOLVERS)
 def test_a_moving_wall_wakes(kind: str) -> None:
     """A lid comes down onto a sleeping bed: who it is about to touch wakes before it does, and nobody sleeps under it."""
     fresh_taichi()

@@ -57,6 +57,8 @@ class Controls:
         try:
             getattr(self, name)(*arguments)
         except (SandError, OSError) as error:
+            if not self.window.gui:  # there is nowhere to tell it
+                raise
             self.told = str(error)
 
     def do(self, *action: Any) -> None:

@@ -20,6 +20,8 @@ from taichi_sand.scene.errors import SandError
 
 MEASURE, REPORT = 0.25, 0.1
 """Time between two measurements [s], for the eye and for a report."""
+TRIES, PAUSE = 5, 0.3
+"""How often a window is tried to be opened, and the time between [s]."""
 IDLE = 0.03
 """A paused window looks for input so often [s]."""
 NO_DISPLAY = "there is no display to open a window on; `taichi-sand render` makes films without one"
@@ -60,10 +62,15 @@ class Window:
         self.pace = Pace()
         self.measured, self.measured_at = {}, 0.0
         self.gui = None
-        try:
-            self.gui = ti.GUI(f"taichi_sand: {self.session.sim.scene.title or self.name}", self.screen.size, fast_gui=True)
-        except RuntimeError:
-            raise SandError(NO_DISPLAY) from None
+        title = f"taichi_sand: {self.session.sim.scene.title or self.name}"
+        for left in reversed(range(TRIES)):  # a display server whose last window was closed may be starting afresh
+            try:
+                self.gui = ti.GUI(title, self.screen.size, fast_gui=True)
+                break
+            except RuntimeError:
+                if not left:
+                    raise SandError(NO_DISPLAY) from None
+                time.sleep(PAUSE)
         self.gui.fps_limit = None
         self.canvas = self.gui.img
 
