@@ -92,17 +92,21 @@ def test_full_tries_everything() -> None:
     assert {s.family for s in settings} >= {"rigid", "md rk4", "md velocity verlet 64 bit"}
 
 
-@pytest.mark.parametrize("kind", ["rigid", pytest.param("md", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["rigid", "md"])
 def test_halving_the_step_never_hurts(kind: str) -> None:
-    """Half the step: the range of the runs of no error lies above that before. (md keeps its stiffness.)"""
-    runner = cost.Runner(small, 0.6, "cpu", 1)
+    """Half the step: the range of the runs of no error lies above that before. (md keeps its stiffness.)
+
+    Twice six runs that differ by nothing but luck do that once in 900 times, twice three once in 20.
+    """
+    runner = cost.Runner(small, 1.2, "cpu", 1)
     setting = cost.Setting(kind, 0.03)
-    runner.trust(cost.Setting(kind, 0.03, "", 64), 3, 4e7)
+    runner.trust(cost.Setting(kind, 0.03, "", 64), 6, 2e7)
     step = runner.plan(setting)[0]
     last = None
     for part in (1, 2):
         point = cost.Point(setting)
-        for repeat in range(3):
+        for repeat in range(6):
             _, run, flags = runner.run(setting, repeat, [f"solver.step={step / part}"])
             assert flags == []
             point.runs.append(run)

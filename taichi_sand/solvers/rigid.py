@@ -54,6 +54,9 @@ def constants_type(real: Any, live: Iterable[str]) -> Any:
     )
 
 
+TOUCHING = 1e-6
+"""A contact is soft below this gap, over the distance of the centres. Were it hard at a gap of nothing, where grains are often laid, it
+would stay so until rounding closed it, seconds later, and then give way all at once."""
 ROUNDS = 8
 """Most rounds of impacts in a step."""
 
@@ -161,7 +164,7 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     if due:
         want = pairs.mass[p] * (speed + at_least(0.0, gap) * c.rate)
         if ti.static(soft):
-            if gap < 0.0:
+            if gap < TOUCHING * pairs.contact_distance[p]:
                 bias = at_least(-c.push_cap, c.bias_rate * gap)
                 want = pairs.mass[p] * c.mass_scale * (speed + bias)
                 want += c.impulse_scale * (carried.x - s.reference[p] * c.step)

@@ -5,8 +5,9 @@
 Heap: grains rain from a small source onto a row of fixed discs WIDTH diameters long; what rolls over its ends leaves. When all has come
 to rest, straight lines are fitted to the tops of the middle 60 % of either flank; the angle is the mean of both.
 Layer: LENGTH by DEPTH diameters of discs (35 by 120 in the published experiment) on fixed ones between two walls; gravity turns slowly.
-The angle of avalanche is that at which the upper half has moved by a diameter within LATENCY; gravity then stays, and when all has come
-to rest the slope of the surface against the horizontal is the angle of repose.
+It stays whenever the upper half flows, by FLOW diameters within LATENCY on average, until all has come to rest. If the surface is then
+less steep by FALL that was an avalanche: the slopes of the surface against the horizontal before and after it are the angles of avalanche
+and of repose. Lesser slips are forerunners, and gravity turns on.
 """
 
 import argparse
@@ -34,7 +35,9 @@ SOLVERS = ("rigid", "md")
 LENGTH, DEPTH = 120, 35
 TURN, LATENCY = 2.0, 0.1
 """How fast gravity turns [degrees/s], and the time over which a flow is recognised [s]."""
-MOST_TILT = 40.0
+FIRST_TILT, MOST_TILT = 10.0, 40.0
+FLOW, FALL = 0.1, 2.0
+"""Mean way of the upper half within LATENCY that is a flow [d], and the fall of the surface that makes it an avalanche [degrees]."""
 
 
 @dataclass(frozen=True)
@@ -154,18 +157,24 @@ def layer(kind: str, seed: int, length: int = LENGTH, depth: int = DEPTH, mu: fl
     settle(sim)
     free = np.flatnonzero(sim.positions[:, 1] > D)
     upper = free[sim.positions[free, 1] > np.median(sim.positions[free, 1])]
-    angle = 8.0
-    while angle < MOST_TILT:
-        tilt(sim, angle)
-        before = sim.positions[upper, 0]
+    tilted = FIRST_TILT
+    while tilted < MOST_TILT:
+        tilt(sim, tilted)
+        steep, before = tilted + surface_slope(sim, length), sim.positions[upper, 0]
         sim.advance(LATENCY)
-        if (sim.positions[upper, 0] - before).mean() > D:
-            break
-        angle += TURN * LATENCY
-    settle(sim)
-    place, radius = sim.positions, sim.radii
-    x, y = surface(place[:, 0], place[:, 1] + radius, 0.2 * length * D, 0.8 * length * D)
-    return angle, angle - math.degrees(math.atan(np.polyfit(x, y, 1)[0]))
+        if (sim.positions[upper, 0] - before).mean() > FLOW * D:
+            settle(sim)
+            rest = tilted + surface_slope(sim, length)
+            if steep - rest > FALL:
+                return steep, rest
+        tilted += TURN * LATENCY
+    raise RuntimeError(f"layer, {kind}, seed {seed}: no avalanche below {MOST_TILT:g} degrees")
+
+
+def surface_slope(sim: sand.Simulation, length: int) -> float:
+    """Slope of the surface of a layer against its box, from its middle 60 % [degrees]; down to the right is positive."""
+    x, y = surface(sim.positions[:, 0], sim.positions[:, 1] + sim.radii, 0.2 * length * D, 0.8 * length * D)
+    return -math.degrees(math.atan(np.polyfit(x, y, 1)[0]))
 
 
 def heaps(seeds: int) -> dict[tuple[str, str], Angle]:

@@ -102,7 +102,6 @@ def test_rigid_column(count: int, angle: float) -> None:
     assert chain_forces(sim, count) == pytest.approx(np.arange(1, count + 1) * M * G, rel=0.02)
     assert abs((sim.positions - start)[:, 0 if down[1] else 1]).max() < 1e-6 * D
     assert sim.report()["overlap_max"] <= 0.02 * 1.05
-    sim.advance(5.0 if count == 100 else 0.0)  # the slow swing of a hundred discs takes longer to die away
     assert np.hypot(*sim.velocities.T).max() < 1e-3 * math.sqrt(G * D)
 
 
