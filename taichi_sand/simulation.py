@@ -8,9 +8,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import taichi as ti
 
 from taichi_sand import effects as effect_modules
+from taichi_sand import marching
 from taichi_sand.keeping import Keeping
 from taichi_sand.readings import Readings
 from taichi_sand.scene.errors import SandError
@@ -21,10 +21,7 @@ from taichi_sand.solvers.tolerance import Bed, bed_of, depth_of
 from taichi_sand.world import census, device, sources
 from taichi_sand.world import hand as hands
 from taichi_sand.world.build import check_periodic, fill, make_world
-from taichi_sand.world.motion import close_step
-from taichi_sand.world.naps import called
-from taichi_sand.world.pairs import progress, search, search_now
-from taichi_sand.world.rest import rearrange, wake
+from taichi_sand.world.rest import wake
 from taichi_sand.world.wall_scene import change_walls, check_speeds, fastest_wall, set_patience
 from taichi_sand.world.water import pour
 
@@ -34,32 +31,6 @@ WALL_ROOM = (4096, 65536)
 """Room for entries of walls (a grain's width of wall has some five), without and with a hand that may draw them."""
 LOOK, GROWTH = 0.25, 1.2
 """Simulated time between two looks at the depth of the pile [s], and by how much it must have grown for stiffness and step to follow."""
-BATCH = 8
-"""Steps of a large world between two looks at whether its search still holds; steps that find it spent do nothing."""
-
-
-@ti.kernel
-def march(w: ti.template(), s: ti.template(), steps: ti.i32) -> ti.i32:
-    """`steps` steps with all searches they need, in one launch, on one thread (layout "one"); leaves the pairs of the moment.
-
-    Returns 1 if it stopped early, as somebody is to wake or to fall asleep.
-    """
-    ti.loop_config(serialize=True)
-    for _run in range(1):
-        for k in range(steps + 1):
-            if w.pace[None].spent == 1:
-                search(w)
-            if k < steps and not called(w):
-                s.step(w, s)
-                close_step(w)
-    return ti.cast(called(w), ti.i32)
-
-
-@ti.kernel
-def step_alone(w: ti.template(), s: ti.template()):
-    """One step, its loops over blocks in parallel; nothing happens if a search is due."""
-    s.step(w, s)
-    close_step(w)
 
 
 class Simulation(Keeping, Readings):
@@ -127,7 +98,7 @@ class Simulation(Keeping, Readings):
         pace[None].spent = 1
         self._set_pace()
         if self.world.layout != "one":
-            step_alone(self.world, self.solver)  # only compiles: a step that finds its search spent does nothing
+            marching.step_alone(self.world, self.solver)  # only compiles: a step that finds its search spent does nothing
         self._march(0)
         census.places(self.world)  # only compiles
 
@@ -153,7 +124,7 @@ class Simulation(Keeping, Readings):
         """Simulates `count` steps, with the pauses in which effects act."""
         if self.hand and self.world.sleeps and self.hand.now[None].work:
             wake(self.world)
-            self._renew_solver()
+            marching.renew(self.world, self.solver)
         end = self.steps + count
         pauses = [(effect.between, max(1, math.floor(effect.interval / self.step))) for effect in self.pausing]
         if self.scene.sources:
@@ -222,13 +193,7 @@ class Simulation(Keeping, Readings):
             wake(self.world)
             self.world.pace[None].spent = 1
             self._march(0)
-            self._renew_solver()
-
-    def _renew_solver(self) -> None:
-        solver = choose(self.scene.solver.kind)
-        if hasattr(solver, "renew"):
-            solver.renew(self.world, self.solver)
-            ti.sync()
+            marching.renew(self.world, self.solver)
 
     def set_walls(self, walls: Sequence[Any]) -> None:
         """Goes on with these `[[walls]]`, a table each as in a scene file, in the place of those there are.
@@ -275,31 +240,11 @@ class Simulation(Keeping, Readings):
     def _set_pace(self) -> None:
         for name in ("step", "speed_cap", "deep", "growth"):
             setattr(self.world.pace[None], name, self.numbers.get(name, 0.0))
+        self.world.pace[None].watch = min((max(1, math.floor(e.interval / self.step)) for e in marching.watchers(self.solver)), default=0)
         set_patience(self.world, self.scene.solver.kind, self.scene.solver.tolerance)
 
     def _march(self, count: int) -> None:
-        end = self.steps + count
-        if self.world.layout == "one":
-            while march(self.world, self.solver, count):
-                self._rearrange()
-                count = end - self.world.pace[None].done
-            return
-        while True:
-            spent, done = progress(self.world)
-            if spent:
-                search_now(self.world)
-            if self.world.sleeps and self.world.naps.state[None].due:
-                self._rearrange()
-                continue
-            if done == end:
-                break
-            for _ in range(min(BATCH, end - done)):
-                step_alone(self.world, self.solver)
-
-    def _rearrange(self) -> None:
-        """Puts those who are to wake or to fall asleep where they belong."""
-        rearrange(self.world, self.solver)
-        self._renew_solver()
+        marching.march(self.world, self.solver, self.steps, self.steps + count)
 
     @contextmanager
     def _stage(self, name: str) -> Any:

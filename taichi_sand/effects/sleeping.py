@@ -8,7 +8,6 @@ change of gravity or of a parameter. Grains of several discs sleep as discs do. 
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 from taichi_sand.scene.parameters import Parameter
 from taichi_sand.world.naps import watch
@@ -26,13 +25,10 @@ SLEEPS = True
 
 @dataclass(frozen=True)
 class Sleeping:
-    """The effect: all it does lies between the launches."""
+    """The effect: it looks who is still and who is out of balance; the march then rearranges the grains."""
 
     interval = 1 / 60
-
-    def between(self, world: Any, solver: Any) -> None:
-        """Looks who is still and who is out of balance; the simulation then rearranges the grains."""
-        watch(world, solver)
+    watch = staticmethod(watch)
 
 
 def build(values: dict, columns: tuple, solver: str) -> Sleeping:

@@ -69,6 +69,7 @@ class Rigid:
     reference: Any  # column of the pair table: slow reference of the normal force [N]
     effects: tuple
     step: Any  # ti.func of one step
+    renew: Any  # ti.func that starts it anew after grains, walls, the step or who sleeps have changed
     books: bool  # whether an effect has the hook `heat`
 
 
@@ -233,7 +234,7 @@ def lay_by_again(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: 
     lay_by(w, s, c, p, w.pairs.force[p] * c.step, wall, False)
 
 
-@ti.kernel
+@ti.func
 def renew(w: ti.template(), s: ti.template()):
     """What the grains start the next step with, from the pairs there are: after grains, walls or the step have been changed by hand."""
     c = s.constants[None]
@@ -299,4 +300,4 @@ def numbers(scene: Any, bed: Bed) -> dict[str, float]:
 def build(scene: Any, values: dict[str, float], live: dict[str, float], own: list, effects: tuple, world: World) -> Rigid:
     """The solver for a world; `own` holds the columns of the pair table that MEMORY asked for, `live` the effects' live parameters."""
     constants = fill_struct(constants_type(world.real, live), {**values, **live})
-    return Rigid(constants, own[0], effects, step, any(hasattr(effect, "heat") for effect in effects))
+    return Rigid(constants, own[0], effects, step, renew, any(hasattr(effect, "heat") for effect in effects))

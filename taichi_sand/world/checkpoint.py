@@ -13,7 +13,7 @@ import numpy as np
 
 from taichi_sand.scene.errors import SandError
 
-FORMAT = 3
+FORMAT = 4
 
 
 UNREADABLE = (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, NotImplementedError, RuntimeError, MemoryError)

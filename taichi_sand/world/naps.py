@@ -142,9 +142,9 @@ def moves_on(w: ti.template(), e):
     return w.movers.rate[w.movers.wall[w.walls.part[w.walls.room + e]]] != 0.0
 
 
-@ti.kernel
-def watch(w: ti.template(), s: ti.template()) -> ti.i32:
-    """Looks who is still, and which sleepers are no longer held in balance. Returns 1 if somebody should wake or fall asleep."""
+@ti.func
+def watch(w: ti.template(), s: ti.template()):
+    """Looks who is still, and which sleepers are no longer held in balance: somebody may then be due to wake or to fall asleep."""
     naps = ti.static(w.naps)
     c = s.constants[None]
     unit = ti.sqrt(w.box[None].gravity.norm() * w.box[None].diameter)
@@ -166,7 +166,6 @@ def watch(w: ti.template(), s: ti.template()) -> ti.i32:
         naps.state[None].owed += (ready + (LAST if ready == awake else 0)) * steps
     if tired(w):
         naps.state[None].due = 1
-    return naps.state[None].due
 
 
 @ti.func
@@ -249,8 +248,17 @@ def settle(w: ti.template()):
 
 @ti.func
 def called(w: ti.template()):
-    """Whether sleepers are to wake before the next step."""
+    """Whether somebody is to wake or to fall asleep before the next step."""
     due = False
     if ti.static(w.sleeps):
         due = w.naps.state[None].due == 1
+    return due
+
+
+@ti.func
+def drowsy(w: ti.template()):
+    """Whether somebody is to fall asleep before the next step."""
+    due = called(w)
+    if ti.static(w.sleeps):
+        due = due and tired(w)
     return due

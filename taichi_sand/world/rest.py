@@ -10,16 +10,16 @@ from taichi_sand.world.grid import permute
 from taichi_sand.world.naps import ASLEEP, MOST_PRICE, home, shake, site_of, sleeper_block, tired
 from taichi_sand.world.pairs import search_now
 from taichi_sand.world.scan import put_in_order, running_sums
-from taichi_sand.world.stir import bury, stir
+from taichi_sand.world.stir import bury_now, stir_now
 from taichi_sand.world.sweep import always, sweep_cells
 from taichi_sand.world.tables import World
 
 
 def rearrange(world: World, solver: Any) -> None:
     """Wakes the sleepers that are called, and lays those down that have been still; `solver` knows how long that is."""
-    if world.layout != "cells" and stir(world):
+    if world.layout == "strips" and stir_now(world):
         search_now(world)
-        bury(world)
+        bury_now(world)
         return
     rouse(world, 0)
     search_now(world)

@@ -7,25 +7,28 @@ import taichi as ti
 
 from taichi_sand.world.clumps import head
 from taichi_sand.world.geometry import add, perp, position
-from taichi_sand.world.naps import home, sleeper_block, tired
+from taichi_sand.world.naps import drowsy, home, sleeper_block
 from taichi_sand.world.pairs import clear_rows
 
 
-@ti.kernel
-def stir(w: ti.template()) -> ti.i32:
-    """Puts the sleepers at woken sites behind those awake; a search of the awake and `bury` must follow.
+@ti.func
+def stir(w: ti.template()):
+    """Puts the sleepers at woken sites behind those awake; a search of the awake and `bury` must follow."""
+    last = w.count[None]
+    first = last - w.naps.state[None].asleep
+    end = number_anew(w, first, last)
+    rename(w, first, last)
+    move_up(w, first, end)
 
-    Returns 0, and does nothing, if others are to fall asleep.
-    """
+
+@ti.kernel
+def stir_now(w: ti.template()) -> ti.i32:
+    """The same by itself. Returns 0, and does nothing, if others are to fall asleep."""
     stirred = 0
     ti.loop_config(serialize=True)
     for _run in range(1):
-        if not tired(w):
-            last = w.count[None]
-            first = last - w.naps.state[None].asleep
-            end = number_anew(w, first, last)
-            rename(w, first, last)
-            move_up(w, first, end)
+        if not drowsy(w):
+            stir(w)
             stirred = 1
     return stirred
 
@@ -116,12 +119,11 @@ def move_up(w: ti.template(), first, end):
             pairs.row_start[at], pairs.row_count[at], pairs.wall_row_start[at], pairs.wall_row_count[at] = i[0], i[1], i[2], i[3]
 
 
-@ti.kernel
+@ti.func
 def bury(w: ti.template()):
     """Empties the frozen rows of pairs of which one member is awake: the search has listed them anew, with what they carried."""
     b = sleeper_block(w)
     first = w.count[None] - w.naps.state[None].asleep
-    ti.loop_config(serialize=True)
     for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
         i, j = w.pairs.first[p], w.pairs.second[p]
         if i < first or j < first:
@@ -132,10 +134,17 @@ def bury(w: ti.template()):
             if j >= first:
                 ease(w, j, -push, force.norm())
             clear_rows(w, p, p + 1, 1)
-    ti.loop_config(serialize=True)
     for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
         if w.pairs.first[p] < first:
             clear_rows(w, p, p + 1, 1)
+
+
+@ti.kernel
+def bury_now(w: ti.template()):
+    """The same by itself."""
+    ti.loop_config(serialize=True)
+    for _run in range(1):
+        bury(w)
 
 
 @ti.func

@@ -150,6 +150,7 @@ def pace_type(real: Any) -> Any:
         guess=ti.i32,  # rigid: 1 = the impulses carried over are yet to be applied in this step
         hit=ti.i32,  # rigid: 1 = some pair did, in the last round
         done=ti.i32,  # steps since the start
+        watch=ti.i32,  # steps between two looks of the effects that watch the grains; 0 = none does
         half=ti.i32,  # which half of the pair table is in use, 0 or 1
         searches=ti.i32,  # searches since the start
         step=real,  # h [s]

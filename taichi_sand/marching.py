@@ -1,0 +1,121 @@
+"""The march: steps, with the searches, looks and wakings that they need in between, in as few launches as the layout allows."""
+
+from typing import Any
+
+import taichi as ti
+
+from taichi_sand.world.motion import close_step
+from taichi_sand.world.naps import called, drowsy
+from taichi_sand.world.pairs import progress, search, search_now
+from taichi_sand.world.rest import rearrange
+from taichi_sand.world.stir import bury, stir
+
+BATCH = 8
+"""Steps of a large world between two looks at whether its search still holds; steps that find it spent do nothing."""
+
+
+@ti.func
+def make_ready(w: ti.template(), s: ti.template()):
+    """Wakes who is called, and makes the search that is due."""
+    if ti.static(w.sleeps):
+        woken = called(w)
+        if woken:
+            stir(w)
+        if w.pace[None].spent == 1:
+            search(w)
+        if woken:
+            bury(w)
+            start_anew(w, s)
+    elif w.pace[None].spent == 1:
+        search(w)
+
+
+@ti.func
+def start_anew(w: ti.template(), s: ti.template()):
+    """After a change by hand or of who sleeps the solver starts from the pairs there are."""
+    if ti.static(hasattr(s, "renew")):
+        s.renew(w, s)
+
+
+def watchers(solver: Any) -> list[Any]:
+    """Effects that watch the grains as they move."""
+    return [effect for effect in solver.effects if hasattr(effect, "watch")]
+
+
+@ti.func
+def watch(w: ti.template(), s: ti.template()):
+    """Lets these effects look."""
+    for effect in ti.static(watchers(s)):
+        effect.watch(w, s)
+
+
+@ti.kernel
+def steps_in_one(w: ti.template(), s: ti.template(), steps: ti.i32) -> ti.i32:
+    """`steps` steps with all searches they need, in one launch, on one thread (layout "one"); leaves the pairs of the moment.
+
+    Returns 1 if it stopped early, as somebody is to fall asleep.
+    """
+    ti.loop_config(serialize=True)
+    for _run in range(1):
+        end = w.pace[None].done + steps
+        while not drowsy(w) and (called(w) or w.pace[None].spent == 1 or w.pace[None].done < end):
+            make_ready(w, s)
+            if w.pace[None].done < end and not called(w):
+                s.step(w, s)
+                close_step(w)
+                if ti.static(len(watchers(s)) > 0):
+                    if w.pace[None].done % w.pace[None].watch == 0:
+                        watch(w, s)
+    return ti.cast(drowsy(w), ti.i32)
+
+
+@ti.kernel
+def step_alone(w: ti.template(), s: ti.template()):
+    """One step, its loops over blocks in parallel; nothing happens if a search is due."""
+    s.step(w, s)
+    close_step(w)
+
+
+@ti.kernel
+def watch_alone(w: ti.template(), s: ti.template()):
+    """Lets effects look, between steps."""
+    watch(w, s)
+
+
+@ti.kernel
+def renew_alone(w: ti.template(), s: ti.template()):
+    """The solver starts anew, between steps."""
+    start_anew(w, s)
+
+
+def renew(world: Any, solver: Any) -> None:
+    """The solver starts anew, between launches."""
+    if hasattr(solver, "renew"):
+        renew_alone(world, solver)
+        ti.sync()
+
+
+def march(world: Any, solver: Any, done: int, end: int) -> None:
+    """From step `done` to step `end`; leaves the pairs of the moment."""
+    if world.layout == "one":
+        while steps_in_one(world, solver, end - done):
+            rearrange(world, solver)
+            renew(world, solver)
+            done = world.pace[None].done
+        return
+    every, looked = world.pace[None].watch, done
+    while True:
+        spent, done = progress(world)
+        if every and done % every == 0 and done != looked:
+            watch_alone(world, solver)
+            looked = done
+        if spent:
+            search_now(world)
+        if world.sleeps and world.naps.state[None].due:
+            rearrange(world, solver)
+            renew(world, solver)
+            continue
+        if done == end:
+            break
+        for _ in range(min(BATCH, end - done, every - done % every if every else BATCH)):
+            step_alone(world, solver)
