@@ -121,14 +121,14 @@ def observe(
     if force.x > 0.0:
         total[PUSH] += force.x
         total[PUSHING] += 1.0
-        push = force.x * normal + force.y * perp(normal)
-        side = outer_side(w, p, wall)
-        total[OUTER_X] += side * push.x
-        total[OUTER_Y] += side * push.y
-        if ti.static(wall):
-            total[WALL] += ti.sqrt(push.dot(push))
-            if normal.x * frame[UP] + normal.y * frame[UP + 1] < -FLOOR_SLOPE:
-                total[FLOOR] -= push.x * frame[UP] + push.y * frame[UP + 1]
+    push = force.x * normal + force.y * perp(normal)  # of a wet contact it may be a pull
+    side = outer_side(w, p, wall)
+    total[OUTER_X] += side * push.x
+    total[OUTER_Y] += side * push.y
+    if ti.static(wall):
+        total[WALL] += ti.sqrt(push.dot(push))
+        if normal.x * frame[UP] + normal.y * frame[UP + 1] < -FLOOR_SLOPE:
+            total[FLOOR] -= push.x * frame[UP] + push.y * frame[UP + 1]
 
 
 @ti.kernel

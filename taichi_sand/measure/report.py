@@ -16,8 +16,8 @@ normal force exceeds 1e-3 of the mean one; a rattler has fewer than two such con
 `step_set_by`: "tolerance", "scene" (`step` or `substeps`), or "effects", where one, such as bonds, allows no longer step.
 `bed_height_m`: twice the mass-weighted mean height above the lowest point of a grain: the height of a level bed of even density.
 Up is against gravity (+y without gravity).
-`floor_force_N`: downward force on the walls that rise less than 80 degrees, friction included; a bed at rest between smooth sides
-gives its weight.
+`floor_force_N`: downward force on the walls that rise less than 80 degrees, friction and what bridges pull included; a bed at rest
+between smooth sides gives its weight.
 `heat_J`, `wetness_mean`, `momentum_taken_Ns`: only with the effects `heat`, `moisture` and `safe_direction`: energy that contacts have
 turned into heat, of the grains present; mean wetness, weighted by mass; momentum that the rule has taken from them, [x, y].
 `wall_force_N`: sum over all wall contacts of the size of their force.
