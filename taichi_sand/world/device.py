@@ -11,6 +11,7 @@ os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 import taichi as ti
 
 from taichi_sand.scene.errors import SandError
+from taichi_sand.world import haste  # noqa: F401
 
 ARCHES = ("cpu", "cuda", "vulkan", "metal", "gpu")
 ROOM = 2_000_000
