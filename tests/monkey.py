@@ -80,4 +80,4 @@ if __name__ == "__main__":
         told = play(monkeys_window, 60 * float(sys.argv[1]), [key.key for key in KEYS])
         shown = ("events", "time", "grains", "kinetic_energy_J", "speed_max_m_s", "solver", "flags", "unphysical", "undo", "grown")
         print({name: told[name] for name in shown}, flush=True)
-        print("exit", monkeys_window.close(LONGEST))
+        print("exit", monkeys_window.close(LONGEST), monkeys_window.process.stderr.read())

@@ -17,7 +17,8 @@ from PIL import ImageGrab
 import taichi_sand as sand
 
 NEEDED = ("Xvfb", "xdotool")
-PATIENCE = 20.0
+PATIENCE = 60.0
+"""How long the window may take to come to what it was asked for: a busy machine is no failure [s]."""
 CLOSE = """
 import ctypes, sys
 class Message(ctypes.Structure):
