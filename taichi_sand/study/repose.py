@@ -26,7 +26,7 @@ D = 0.004
 """Diameter of a disc, and of a disc with the area of any other shape [m]."""
 SPREAD = 0.1
 """Sizes differ by so much either way."""
-WIDTH, GRAINS, RATE = 50, 420, 300.0
+WIDTH, GRAINS, RATE = 100, 1680, 600.0
 """Of the base [d], grains poured, and how many a second."""
 REST, MOST_REST, STILL = 0.5, 6.0, 0.02
 """Time in which grains come to rest, at a time and at most [s], and the speed that all must then be below [m/s]."""
@@ -69,9 +69,10 @@ def heap_scene(shape: str, kind: str, seed: int, mu: float = 0.5) -> sand.Scene:
     side, radius = (WIDTH + 10) * D, radius_of(shape)
     row = [[(5.5 + k) * D, 0.02, D / 2] for k in range(WIDTH)]
     source = {"shape": shape, "radius": [(1 - SPREAD) * radius, (1 + SPREAD) * radius], "rate": RATE, "until": GRAINS / RATE}
-    source["region"] = [side / 2 - 4 * D, 0.02 + 16 * D, side / 2 + 4 * D, 0.02 + 24 * D]
+    low = 0.02 + 0.32 * WIDTH * D
+    source["region"] = [side / 2 - 0.08 * WIDTH * D, low, side / 2 + 0.08 * WIDTH * D, low + 8 * D]
     return sand.Scene(
-        size=[side, 0.02 + 26 * D],
+        size=[side, low + 10 * D],
         seed=seed,
         edges={"left": "open", "right": "open", "bottom": "open", "top": "open"},
         grains=[{"positions": row, "fixed": True}],
