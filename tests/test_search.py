@@ -59,7 +59,7 @@ def check(sim, periodic: bool, within: float) -> None:
         assert not edge_pairs(x, r, within) - set(edges)
 
 
-@pytest.mark.parametrize("precision", [32, 64])
+@pytest.mark.parametrize("precision", [32, pytest.param(64, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("periodic", [False, True])
 @pytest.mark.parametrize("name", SETS)
 def test_search_lists_all_pairs(name: str, periodic: bool, precision: int) -> None:

@@ -12,7 +12,7 @@ from taichi_sand.study.setups import FREE as SOLVERS
 
 @pytest.mark.parametrize("name", SOLVERS)
 @pytest.mark.parametrize("count", [2, 200])
-@pytest.mark.parametrize("precision, linear, angular", [(64, 1e-13, 1e-12), (32, 1e-5, 1e-4)])
+@pytest.mark.parametrize("precision, linear, angular", [(64, 1e-13, 1e-12), pytest.param(32, 1e-5, 1e-4, marks=pytest.mark.slow)])
 def test_momentum(name: str, count: int, precision: int, linear: float, angular: float) -> None:
     """A15: oblique frictional discs, no walls, 1e4 steps: |dP| / sum|p| and |dL| / sum|l| (about the centre of the box)."""
     discs = implosion(count)
@@ -51,7 +51,7 @@ COARSE = pytest.mark.xfail(reason="known shortfall: at A16's own t_c / 20 the en
 
 
 @pytest.mark.parametrize("steps", [pytest.param(20, marks=COARSE), 40])
-@pytest.mark.parametrize("law", ["linear", "hertz"])
+@pytest.mark.parametrize("law", ["linear", pytest.param("hertz", marks=pytest.mark.slow)])
 def test_md_gas(law: str, steps: int) -> None:
     """A16: the energy of the soft gas, springs included, stays within 1e-3 without trend, 1000 collisions a disc.
 
