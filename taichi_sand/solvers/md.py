@@ -137,7 +137,7 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
             if ti.static(hasattr(effect, "touch")):
                 effect.touch(w, i, j, normal, wall)
         load(w, s, c, i, j, force, normal, arm_i, arm_j, lever, wall)
-        feel(w, s, c, p, distance, normal, force, wall)
+        feel(w, s, c, p, distance, normal, force, overlap, wall)
     else:
         for effect in ti.static(s.effects):
             if ti.static(hasattr(effect, "release")):

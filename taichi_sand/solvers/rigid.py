@@ -38,6 +38,11 @@ as soon. But it also turns s of the short patterns into complex numbers, and the
 discs rest with 1.5, those of 100 explode with 1.8, those of 200 with 1.3 in both sweeps."""
 
 
+UNLOADED = 3.0
+"""A moving wall feels at least a third of the overlap that its force would make without the reference: by the overlap alone it would go on
+for as long as the reference takes the load over, up to six times the force that stops it when it presses fast."""
+
+
 def constants_type(real: Any, live: Iterable[str]) -> Any:
     """Struct of the numbers of the solver, and of the live parameters of the effects; all may change while it runs."""
     return ti.types.struct(
@@ -225,7 +230,11 @@ def relax(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.temp
     s.reference[p] = ti.select(crept < goal, crept, goal)
     lay_by(w, s, c, p, carried, wall, True)
     pairs = ti.static(w.pairs)
-    feel(w, s, c, p, pairs.gap[p] + pairs.contact_distance[p], pairs.normal[p], carried * c.rate, wall)
+    gap, felt = pairs.gap[p], 0.0
+    if ti.static(wall and w.moves):
+        stiffness = c.bias_rate * c.rate * c.mass_scale / c.impulse_scale * pairs.mass[p]
+        felt = at_least(-gap, (s.reference[p] / stiffness - gap) / UNLOADED)
+    feel(w, s, c, p, gap + pairs.contact_distance[p], pairs.normal[p], carried * c.rate, felt, wall)
 
 
 @ti.func

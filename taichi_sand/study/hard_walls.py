@@ -24,7 +24,7 @@ def squeeze(solver: dict[str, Any]) -> Iterator[Gate]:
         piston = {"points": [[0.001, 0.0], [0.001, 0.1]], "velocity": [0.2, 0.0], "friction": 0.8, "force": force}
         sim = simulate(grains, (0.3, 0.1), solver, walls=[piston], mu=0.3, gravity=DOWN)
         deepest = 0.0
-        for _ in range(100):
+        for _ in range(200):
             sim.advance(0.02)
             deepest = max(deepest, sim.report()["overlap_max"])
         stood = piston_at(sim)

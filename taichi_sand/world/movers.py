@@ -51,7 +51,7 @@ class Movers(NamedTuple):
     pose: Any  # cosine and sine of the turn, and the shift of the pivot, since; 4-vector
     twist: Any  # motion now
     push: Any  # power that contacts take from the motor in this step, of UNIT; i32
-    press: Any  # deepest overlap in this step [m]
+    press: Any  # deepest overlap in this step, as the solver counts it [m]
     strain: Any  # its average [m]
     jam: Any  # 0-D: average at which a wall without a motor slows down [m]
     blur: Any  # 0-D: steps that are averaged over
@@ -138,14 +138,14 @@ def place_walls(w: ti.template(), ahead, lead):
 
 
 @ti.func
-def feel(w: ti.template(), s: ti.template(), c: ti.template(), p, distance, normal, force, wall: ti.template()):
-    """Notes what contact p presses on a wall in this step, if that moves: `force` (normal, tangential) on it [N]."""
+def feel(w: ti.template(), s: ti.template(), c: ti.template(), p, distance, normal, force, press, wall: ti.template()):
+    """Notes what contact p presses on a wall in this step, if that moves: `force` (normal, tangential) on it [N], `press` [m] deep."""
     drive(w, s, p, distance, normal, force * c.step, wall)
     if ti.static(wall and w.moves):
         movers = ti.static(w.movers)
         m = movers.wall[w.pairs.second[p]]
         if m >= 0 and force.x > 0.0:
-            ti.atomic_max(movers.press[m], w.pairs.contact_distance[p] - distance)
+            ti.atomic_max(movers.press[m], press)
             if movers.power[m] > 0.0:
                 v = ti.cast(movers.velocity[m], w.real)
                 taken = -(force.x * v.dot(normal) + force.y * v.dot(perp(normal))) / movers.power[m]

@@ -22,16 +22,17 @@ def build(grains: list[dict[str, Any]], size: tuple[float, float], kind: str, mu
     return sand.Simulation(sand.Scene(size=size, grains=grains, solver=solver, effects={"friction": {"mu": mu}}, **keys), threads=1)
 
 
-BUCKLES = pytest.mark.xfail(reason="its columns of discs on discs buckle slowly: it falls within 10 s, also at a tolerance of 0.005")
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", [pytest.param("rigid", marks=BUCKLES), "md"])
+@pytest.mark.parametrize("kind", ["rigid", "md"])
 def test_pyramid_of_squares(kind: str) -> None:
-    """C2: base 20, a minute: the top sinks by less than 0.5 % of the height, nothing turns, nothing creeps in the second half."""
+    """C2: base 20, a minute: the top sinks by less than 0.5 % of the height, nothing turns, nothing creeps in the second half.
+
+    The tolerance is what it takes: squares of four discs roll on one another like gears where they overlap by more than some 0.01 d
+    (study.hard_structures.squares).
+    """
     half, base = 2 * R, 20
     rows = [[0.5 + (2 * k - (base - 1 - level)) * half, (2 * level + 1) * half, R] for level in range(base) for k in range(base - level)]
-    sim = build([{"shape": "square", "positions": rows}], (1.0, 0.5), kind, 0.5)
+    sim = build([{"shape": "square", "positions": rows}], (1.0, 0.5), kind, 0.5, solver={"tolerance": 0.005})
     start = sim.positions
     sim.advance(MINUTE / 2)
     middle = sim.positions
