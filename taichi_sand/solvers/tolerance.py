@@ -93,8 +93,8 @@ def bed_of(pack: Pack, gravity: tuple[float, float], size: tuple[float, float], 
     depth, load = depth_of(pack.position[free], radius, mass, gravity)
     down = np.array(gravity) / max(float(np.hypot(*gravity)), 1e-12)
     drop = float(np.maximum(down * np.array(size), 0.0).sum() - (pack.position[free] @ down).min())
-    strength = float(np.hypot(*gravity))
-    return Bed(diameter, float(mass.mean()), least, depth, load, strength, speed, drop=max(drop, 0.0), clumps=pack.clumps)
+    strength, clumps = float(np.hypot(*gravity)), bool(pack.lightness.max() > 1.0)
+    return Bed(diameter, float(mass.mean()), least, depth, load, strength, speed, drop=max(drop, 0.0), clumps=clumps)
 
 
 def depth_of(position: np.ndarray, radius: np.ndarray, mass: np.ndarray, gravity: tuple[float, float]) -> tuple[float, float]:
