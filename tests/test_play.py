@@ -152,7 +152,8 @@ def test_the_colours_of_energy_can_be_chosen(box: Playing) -> None:
     box.until(lambda now: now["look"]["color"] == "energy" and "cold #1B7A6E" in now["controls"])
     box.click("cold #1B7A6E")
     box.until(lambda now: now["look"]["cold"] == "#1B7A6E")
-    assert (box.settled() == (0x1B, 0x7A, 0x6E)).all(axis=2).sum() > 1000  # of a bed at rest
+    away = np.abs(box.settled().astype(int) - (0x1B, 0x7A, 0x6E)).max(axis=2)
+    assert (away < 16).sum() > 1000  # of a bed that is nearly at rest; no other colour of the window is as near
     box.click("kind")
 
 
