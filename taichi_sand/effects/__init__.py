@@ -45,7 +45,7 @@ HOOKS = {
         "heat": "(w, i, energy): contacts have turned so much energy of motion into heat of grain i [J]; see world.ledger",
         "link": "(w, c, k): force of link k, which is whole, on its second grain [N]; w.links.whole[k] = 0 breaks it",
         "body": "(w, c, i): force and torque on grain i in every step, as a wrench [N, N, N m, 0]",
-        "watch": "(w, s): within a launch, between two steps, every `interval` seconds of simulated time; s is the solver",
+        "watch": "(w, s): within a launch, between two steps, every `interval` seconds, the least of all that watch; s is the solver",
         "between": "(world, solver): Python, between launches, every `interval` seconds of simulated time",
     },
 }

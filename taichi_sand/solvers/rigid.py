@@ -36,8 +36,6 @@ pattern with the eigenvalue s of S then dies out as z, z^2 = s (2 z - 1). The sl
 |z|^2 = s: it rings for n^2 steps. Over-relaxation by w multiplies 1 - s by w / (2 - w), at no cost: a pile comes to rest three times
 as soon. But it also turns s of the short patterns into complex numbers, and these have to stay within |z| < 1: columns of up to 300
 discs rest with 1.5, those of 100 explode with 1.8, those of 200 with 1.3 in both sweeps."""
-
-
 UNLOADED = 3.0
 """A moving wall feels at least a third of the overlap that its force would make without the reference: by the overlap alone it would go on
 for as long as the reference takes the load over, up to six times the force that stops it when it presses fast."""

@@ -11,7 +11,7 @@ os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 import taichi as ti
 
 from taichi_sand.scene.errors import SandError
-from taichi_sand.world import haste  # noqa: F401
+from taichi_sand.world.haste import hasten
 
 ARCHES = ("cpu", "cuda", "vulkan", "metal", "gpu")
 ROOM = 2_000_000
@@ -60,6 +60,7 @@ def forget() -> None:
 
 def launch(arch: str, threads: int, precision: int) -> None:
     """ti.init, with an error in words if the backend is not there."""
+    hasten()
     kind = getattr(ti, arch)
     real = ti.f64 if precision == 64 else ti.f32
     with contextlib.redirect_stdout(None):  # it announces itself there, whatever the log level
