@@ -18,7 +18,7 @@ from taichi_sand.scene.packing import pack
 from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers import choose
 from taichi_sand.solvers.tolerance import Bed, bed_of, depth_of
-from taichi_sand.world import census, device, sources
+from taichi_sand.world import census, device, fields, sources
 from taichi_sand.world import hand as hands
 from taichi_sand.world.build import check_periodic, fill, make_world
 from taichi_sand.world.rest import wake
@@ -59,7 +59,7 @@ class Simulation(Keeping, Readings):
             check_periodic(scene, planned, effect_modules.reach(self.effects), self.arch != "cpu")
             if hand and not room:
                 self.room = max(LEAST_ROOM, len(grains) // 2)
-            self._lay(planned, hand)
+            fields.lend(self, lambda: self._lay(planned, hand), keep=not device.on_gpu())
             fill(self.world, grains)
             self.made, self.removed = len(grains.radius), 0
             self.steps = 0  # done
@@ -74,8 +74,7 @@ class Simulation(Keeping, Readings):
         solver = choose(kind)
         extra = solver.MEMORY + sum(columns.values())
         rooms, structure = (self.room + sources.room_for(scene), WALL_ROOM[hand]), effect_modules.structure(self.effects, grains)
-        self.world = make_world(scene, grains, extra, turns, self.arch != "cpu", *rooms, **structure)
-        device.count_room(self.world.capacity)
+        self.world = fields.same(make_world(scene, grains, extra, turns, self.arch != "cpu", *rooms, **structure))
         longest = effect_modules.longest_step(self.effects, self.world)
         self.bed = replace(bed_of(grains, scene.gravity, scene.size, fastest_wall(scene)), longest_step=longest)
         self.sizes = np.array([form.size for form in grains.forms] or [1.0])  # by kind: radius of a disc of the same area / radius
@@ -83,13 +82,13 @@ class Simulation(Keeping, Readings):
         own = [memory.pop(0) for _ in range(solver.MEMORY)]
         built = []
         for name, values in self.effects.items():
-            built.append(effect_modules.build(name, values, [memory.pop(0) for _ in range(columns[name])], kind))
-        self.hand = hands.allocate(self.world.real) if hand else None
+            built.append(fields.same(effect_modules.build(name, values, [memory.pop(0) for _ in range(columns[name])], kind)))
+        self.hand = fields.same(hands.allocate(self.world.real)) if hand else None
         if self.hand:
             built.append(self.hand)
         self.numbers = solver.numbers(scene, self.bed)
         check_speeds(scene, self.numbers["speed_cap"])
-        self.solver = solver.build(scene, self.numbers, effect_modules.live(self.effects), own, tuple(built), self.world)
+        self.solver = fields.same(solver.build(scene, self.numbers, effect_modules.live(self.effects), own, tuple(built), self.world))
         self.pausing = [effect for effect in built if hasattr(effect, "between")]
         """Effects that act between launches."""
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import taichi as ti
 
+from taichi_sand.world import fields
 from taichi_sand.world.clumps import head
 from taichi_sand.world.geometry import add, movable, wrench
 from taichi_sand.world.ledger import settle_work
@@ -31,7 +32,7 @@ class Stages(NamedTuple):
 
 def allocate_stages(real: Any, capacity: int) -> Stages:
     """Empty table for `capacity` grains."""
-    return Stages(*(ti.Vector.field(4, real, capacity) for _ in range(4)), ti.field(ti.i32, ()))
+    return Stages(*(fields.vectors(4, real, capacity) for _ in range(4)), fields.scalars(ti.i32, ()))
 
 
 @ti.func

@@ -1,5 +1,6 @@
 """Small worlds to try physics in. SI units; the standard disc has a radius of 5 mm and 2650 kg/m2."""
 
+import gc
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -56,12 +57,14 @@ def tables(discs: Sequence[Disc]) -> list[dict[str, Any]]:
 
 
 def fresh_taichi() -> None:
-    """Has the next simulation start Taichi afresh, so that it finds the kernels of its like in the cache whatever ran before.
+    """Has the next simulation start Taichi afresh, unless all before it are gone and leave it their fields and kernels.
 
-    Simulations made before are dead from then on: a test uses one at a time. (A failed one lives on in its traceback.)
+    Simulations that somebody still holds are dead from then on: a test uses one at a time. (A failed one lives on in its traceback.)
     """
-    device.alive.clear()
-    device.state["key"] = None
+    gc.collect()
+    if device.alive:
+        device.alive.clear()
+        device.forget()
 
 
 def simulate(discs: Sequence[Disc] | list[dict[str, Any]], size: Sequence[float], solver: dict[str, Any], **keys: Any) -> Any:

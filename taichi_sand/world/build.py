@@ -9,7 +9,7 @@ import numpy as np
 import taichi as ti
 
 from taichi_sand.scene.packing import Pack, parted
-from taichi_sand.world import flags
+from taichi_sand.world import fields, flags
 from taichi_sand.world.boulders import part_boulders
 from taichi_sand.world.carried import allocate_carried
 from taichi_sand.world.clumps import build_shapes
@@ -153,10 +153,10 @@ def make_world(
         grid=allocate_grid(real, capacity, cells, most_summed(layout, sleeps, cells, capacity, sites)),
         **lay_walls(scene, pack, spacing, sites, sight, wall_room, gpu, real),
         **build_flow(scene, real),
-        pace=pace_type(real).field(shape=()),
+        pace=fields.record(pace_type(real)),
         flags=flags.allocate(),
-        count=ti.field(ti.i32, ()),
-        box=box_type(real).field(shape=()),
+        count=fields.scalars(ti.i32, ()),
+        box=fields.record(box_type(real)),
         **edges_of(scene),
         capacity=capacity,
         half=wall_base + wall_half,

@@ -9,10 +9,12 @@ from typing import Any
 
 import taichi as ti
 
+from taichi_sand.world import fields
+
 
 def allocate_carried(real: Any, capacity: int, starts: Mapping[str, float]) -> Any:
     """A named tuple of columns, shape (capacity,), filled with what a grain starts with."""
-    columns = {name: ti.field(real, capacity) for name in starts}
+    columns = {name: fields.scalars(real, capacity) for name in starts}
     for name, column in columns.items():
         column.fill(starts[name])
     return namedtuple("Carried", columns)(**columns)

@@ -10,6 +10,7 @@ import numpy as np
 import taichi as ti
 
 from taichi_sand.scene.shapes import Form
+from taichi_sand.world import fields
 
 MOST = 64
 """More discs than this a grain cannot have: a pair keeps the numbers of both its discs in one whole number."""
@@ -27,7 +28,7 @@ def build_shapes(forms: Sequence[Form], real: Any) -> Shapes:
     """The table of the shapes of all kinds."""
     numpy_real = np.float64 if real == ti.f64 else np.float32
     discs = np.concatenate([form.discs for form in forms])
-    table = Shapes(ti.field(ti.i32, len(forms) + 1), ti.Vector.field(3, real, len(discs)), ti.field(real, len(forms)))
+    table = Shapes(fields.scalars(ti.i32, len(forms) + 1), fields.vectors(3, real, len(discs)), fields.scalars(real, len(forms)))
     table.start.from_numpy(np.cumsum([0] + [len(form.discs) for form in forms]).astype(np.int32))
     table.disc.from_numpy(discs.astype(numpy_real))
     table.span.from_numpy(np.array([form.span for form in forms], numpy_real))

@@ -11,14 +11,15 @@ os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 import taichi as ti
 
 from taichi_sand.scene.errors import SandError
+from taichi_sand.world import fields
 from taichi_sand.world.haste import hasten
 
 ARCHES = ("cpu", "cuda", "vulkan", "metal", "gpu")
-ROOM = 2_000_000
-"""Grains that may be laid out before Taichi is started afresh: it frees no field on its own."""
+ROOM = 500_000_000
+"""Numbers that fields may hold before Taichi is started afresh: it frees no field on its own."""
 
 alive: weakref.WeakSet = weakref.WeakSet()
-state: dict[str, Any] = {"key": None, "grains": 0}
+state: dict[str, Any] = {"key": None}
 
 
 def start(user: Any, arch: str, threads: int | None, precision: int) -> None:
@@ -32,25 +33,20 @@ def start(user: Any, arch: str, threads: int | None, precision: int) -> None:
     threads = threads or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else threads or os.cpu_count()
     key = (arch, threads, precision)
     gc.collect()
-    if state["key"] != key or (state["grains"] > ROOM and not alive):
+    if state["key"] != key or (fields.shelf.numbers > ROOM and not alive):
         if alive:
             raise SandError(
                 f"a simulation on {state['key'][0]} with {state['key'][1]} threads and {state['key'][2]} bits is still in use; "
                 "Taichi runs one such setting at a time: delete that simulation first"
             )
         launch(arch, threads, precision)
-        state["key"], state["grains"] = key, 0
+        state["key"] = key
     alive.add(user)
 
 
 def on_gpu() -> bool:
     """Whether Taichi runs on a GPU."""
     return ti.lang.impl.current_cfg().arch not in (ti.x64, ti.arm64)
-
-
-def count_room(grains: int) -> None:
-    """Notes that room for `grains` more has been laid out since Taichi was started."""
-    state["grains"] += grains
 
 
 def forget() -> None:
@@ -68,5 +64,6 @@ def launch(arch: str, threads: int, precision: int) -> None:
         # kernels run as fast, to the same bits.
         options = {"cfg_optimization": False, "log_level": ti.ERROR, "random_seed": 0}
         ti.init(arch=kind, cpu_max_num_threads=threads, default_fp=real, **options)
+    fields.start_afresh()
     if not on_gpu() and arch != "cpu":
         raise SandError(f"--arch {arch}: this machine has no such backend for Taichi; take --arch cpu", "arch")

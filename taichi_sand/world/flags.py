@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from taichi_sand.world import fields
+
 NOT_FINITE, TOO_FAST, ESCAPED, PAIRS_FULL, WALL_PAIRS_FULL, WALL_WAITS, SOURCE_FULL, NOWHERE = range(8)
 NONE = 2**31 - 1
 
@@ -30,7 +32,7 @@ SENTENCES = {
 
 def allocate() -> Any:
     """Rows: kind of flag; columns: how often, least step, least grain id."""
-    flags = ti.field(ti.i32, shape=(len(SENTENCES), 3))
+    flags = fields.scalars(ti.i32, (len(SENTENCES), 3))
     reset(flags)
     return flags
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import taichi as ti
 
+from taichi_sand.world import fields
 from taichi_sand.world.carried import sort_along
 from taichi_sand.world.clumps import head
 from taichi_sand.world.flags import ESCAPED, NOWHERE, flag
@@ -35,16 +36,16 @@ class Grid(NamedTuple):
 def allocate_grid(real: Any, capacity: int, cells: int, summed: int) -> Grid:
     """Empty grid for up to `cells` cells, with scratch for the running sums of up to `summed` rows."""
     return Grid(
-        start=ti.field(ti.i32, cells + 2),
-        sums=ti.field(ti.i32, scratch_rows(summed)),
-        cell=ti.field(ti.i32, capacity),
-        source=ti.field(ti.i32, capacity),
-        columns=ti.field(ti.i32, ()),
-        rows=ti.field(ti.i32, ()),
-        cell_size=ti.Vector.field(2, real, ()),
-        flight=ti.Vector.field(4, real, capacity + ABREAST, layout=ti.Layout.SOA),
-        whole=ti.Vector.field(5, ti.i32, capacity),
-        number=ti.Vector.field(18, real, capacity),
+        start=fields.scalars(ti.i32, cells + 2),
+        sums=fields.scalars(ti.i32, scratch_rows(summed)),
+        cell=fields.scalars(ti.i32, capacity),
+        source=fields.scalars(ti.i32, capacity),
+        columns=fields.scalars(ti.i32, ()),
+        rows=fields.scalars(ti.i32, ()),
+        cell_size=fields.vectors(2, real, ()),
+        flight=fields.vectors(4, real, capacity + ABREAST, layout=ti.Layout.SOA),
+        whole=fields.vectors(5, ti.i32, capacity),
+        number=fields.vectors(18, real, capacity),
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import taichi as ti
 
+from taichi_sand.world import fields
 from taichi_sand.world.geometry import mobility, velocity
 from taichi_sand.world.tables import CHUNK, STRIPS, round_up
 
@@ -38,13 +39,13 @@ def build_links(ends: np.ndarray | None, grains: Any, real: Any) -> Links | None
     count, ids = len(ends), round_up(int(ends.max()) + 2)
     rows = round_up(count)
     links = Links(
-        **{name: ti.Vector.field(2, kind, rows) for name, kind in (("ends", ti.i32), ("slots", ti.i32), ("reach", real), ("force", real))},
-        **{name: ti.field(kind, rows) for name, kind in (("rest", real), ("whole", ti.i32), ("mass", real))},
-        start=ti.field(ti.i32, ids + 1),
-        of=ti.field(ti.i32, 2 * rows),
-        slot=ti.field(ti.i32, ids),
-        count=ti.field(ti.i32, ()),
-        **{name: ti.field(real, ()) for name in ("give", "heaviest")},
+        **{name: fields.vectors(2, kind, rows) for name, kind in (("ends", ti.i32), ("slots", ti.i32), ("reach", real), ("force", real))},
+        **{name: fields.scalars(kind, rows) for name, kind in (("rest", real), ("whole", ti.i32), ("mass", real))},
+        start=fields.scalars(ti.i32, ids + 1),
+        of=fields.scalars(ti.i32, 2 * rows),
+        slot=fields.scalars(ti.i32, ids),
+        count=fields.scalars(ti.i32, ()),
+        **{name: fields.scalars(real, ()) for name in ("give", "heaviest")},
     )
     way = grains.position[ends[:, 1]] - grains.position[ends[:, 0]]
     many = np.bincount(ends.ravel(), minlength=ids)

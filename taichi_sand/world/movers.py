@@ -13,6 +13,7 @@ import numpy as np
 import taichi as ti
 
 from taichi_sand.scene import moving
+from taichi_sand.world import fields
 from taichi_sand.world.flags import WALL_PAIRS_FULL, WALL_WAITS, flag
 from taichi_sand.world.geometry import at_most, perp
 from taichi_sand.world.ledger import drive
@@ -69,15 +70,20 @@ class Movers(NamedTuple):
 def allocate_movers(real: Any, wide: Any, walls: int, every: int, parts: int, sites: int, entries: int) -> Movers:
     """Empty tables for so many moving walls, parts of all walls, parts that move, lattice sites and entries."""
     pairs = {"velocity": wide, "pivot": wide, "amplitude": wide, "hinge": real}
-    fields: dict[str, Any] = {name: ti.Vector.field(2, kind, walls) for name, kind in pairs.items()}
-    fields |= {name: ti.Vector.field(4, real, walls) for name in ("start", "pose", "twist")}
-    fields |= {name: ti.field(wide, walls) for name in ("spin", "omega", "age")}
-    fields |= {name: ti.field(real, walls) for name in ("lever", "power", "response", "since", "rate", "phase", "press", "strain")}
-    fields |= {"push": ti.field(ti.i32, walls), "jam": ti.field(real, ()), "blur": ti.field(real, ()), "wall": ti.field(ti.i32, every)}
-    fields |= {"part": ti.field(ti.i32, parts), "side": ti.field(ti.i32, parts), "home": ti.Vector.field(4, wide, parts)}
-    fields |= {"bounds": ti.Vector.field(2, wide, parts), "head": ti.field(ti.i32, sites), "count": ti.field(ti.i32, ())}
-    fields |= {name: ti.field(ti.i32, entries) for name in ("next", "site")}
-    return Movers(**fields)
+    columns: dict[str, Any] = {name: fields.vectors(2, kind, walls) for name, kind in pairs.items()}
+    columns |= {name: fields.vectors(4, real, walls) for name in ("start", "pose", "twist")}
+    columns |= {name: fields.scalars(wide, walls) for name in ("spin", "omega", "age")}
+    columns |= {name: fields.scalars(real, walls) for name in ("lever", "power", "response", "since", "rate", "phase", "press", "strain")}
+    columns |= {
+        "push": fields.scalars(ti.i32, walls),
+        "jam": fields.scalars(real, ()),
+        "blur": fields.scalars(real, ()),
+        "wall": fields.scalars(ti.i32, every),
+    }
+    columns |= {"part": fields.scalars(ti.i32, parts), "side": fields.scalars(ti.i32, parts), "home": fields.vectors(4, wide, parts)}
+    columns |= {"bounds": fields.vectors(2, wide, parts), "head": fields.scalars(ti.i32, sites), "count": fields.scalars(ti.i32, ())}
+    columns |= {name: fields.scalars(ti.i32, entries) for name in ("next", "site")}
+    return Movers(**columns)
 
 
 def set_out(movers: Movers, walls: Sequence[Any], row_mass: Sequence[float]) -> None:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import taichi as ti
 
+from taichi_sand.world import fields
 from taichi_sand.world.geometry import perp, spin, velocity
 from taichi_sand.world.sweep import block_count, pairs_awake
 from taichi_sand.world.tables import round_up
@@ -62,18 +63,20 @@ def state_type(real: Any) -> Any:
 
 def allocate_naps(real: Any, capacity: int, sites: tuple[int, int]) -> Naps:
     """Empty tables: everybody is awake."""
-    whole = {name: ti.field(ti.i32, capacity) for name in ("origin", "slot", "row_start", "row_count", "wall_row_start", "wall_row_count")}
+    whole = {
+        name: fields.scalars(ti.i32, capacity) for name in ("origin", "slot", "row_start", "row_count", "wall_row_start", "wall_row_count")
+    }
     count = round_up(sites[0] * sites[1] + 2)
     return Naps(
-        still=ti.field(real, capacity),
-        mobility=ti.Vector.field(4, real, capacity),
-        balance=ti.Vector.field(2, real, capacity),
-        load=ti.field(real, capacity),
-        push=ti.Vector.field(2, real, capacity),
-        start=ti.field(ti.i32, count),
-        restless=ti.field(ti.i32, count),
-        woken=ti.field(ti.i32, count),
-        state=state_type(real).field(shape=()),
+        still=fields.scalars(real, capacity),
+        mobility=fields.vectors(4, real, capacity),
+        balance=fields.vectors(2, real, capacity),
+        load=fields.scalars(real, capacity),
+        push=fields.vectors(2, real, capacity),
+        start=fields.scalars(ti.i32, count),
+        restless=fields.scalars(ti.i32, count),
+        woken=fields.scalars(ti.i32, count),
+        state=fields.record(state_type(real)),
         **whole,
     )
 

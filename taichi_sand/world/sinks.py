@@ -5,6 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import taichi as ti
 
+from taichi_sand.world import fields
+
 
 class Flow(NamedTuple):
     """Tables of a world with [[sources]] or [[sinks]]."""
@@ -19,7 +21,7 @@ def build_flow(scene: Any, real: Any) -> dict[str, Any]:
     if not scene.sources and not scene.sinks:
         return {"flow": None, "flows": False}
     regions = [sink.region for sink in scene.sinks] or [(0.0, 0.0, -1.0, -1.0)]
-    flow = Flow(ti.field(ti.i32, max(1, len(scene.sources))), ti.Vector.field(4, real, len(regions)), ti.field(ti.i32, ()))
+    flow = Flow(fields.scalars(ti.i32, max(1, len(scene.sources))), fields.vectors(4, real, len(regions)), fields.scalars(ti.i32, ()))
     flow.sink.from_numpy(np.array(regions, np.float64 if real == ti.f64 else np.float32))
     return {"flow": flow, "flows": True}
 

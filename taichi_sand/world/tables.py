@@ -15,6 +15,8 @@ from typing import Any, NamedTuple
 
 import taichi as ti
 
+from taichi_sand.world import fields
+
 STRIPS = 64
 """Most strips of columns that one sweep is cut into, when it is cut into strips at all; even."""
 CHUNK = 512
@@ -184,11 +186,6 @@ def round_up(count: int) -> int:
     return max(64, 1 << math.ceil(math.log2(max(count, 1))))
 
 
-def vectors(real: Any, rows: int) -> Any:
-    """A field of 2-vectors, x beside y: what is used together lies together (a sixth faster than apart, measured)."""
-    return ti.Vector.field(2, real, shape=rows)
-
-
 def allocate_grains(real: Any, rows: int, clumps: bool) -> Grains:
     """Empty grain table of `rows` rows."""
     width = {"site": 2, "offset": 2, "shift": 2, "start_velocity": 2, "twist": 4, "mobility": 4, "wrench": 4, "heading": 2}
@@ -199,7 +196,7 @@ def allocate_grains(real: Any, rows: int, clumps: bool) -> Grains:
         if name in ("heading", "start_spin") and not clumps:
             columns.append(None)
             continue
-        columns.append(ti.Vector.field(width[name], kind, rows) if name in width else ti.field(kind, rows))
+        columns.append(fields.vectors(width[name], kind, rows) if name in width else fields.scalars(kind, rows))
     return Grains(*columns)
 
 
@@ -208,39 +205,39 @@ def allocate_pairs(real: Any, capacity: int, half: int, wall_half: int, extra: i
     search to search, as its force does: what is read between a search and the next step is then still what the pair carries.
     """
     rows = parts * half
-    force = vectors(real, rows)
-    columns = tuple(ti.field(real, rows) for _ in range(extra))
+    force = fields.vectors(2, real, rows)
+    columns = tuple(fields.scalars(real, rows) for _ in range(extra))
     return Pairs(
-        first=ti.field(ti.i32, rows),
-        second=ti.field(ti.i32, rows),
-        reach=vectors(real, rows),
-        contact_distance=ti.field(real, rows),
-        normal=vectors(real, rows),
-        gap=ti.field(real, rows),
-        mass=ti.field(real, rows),
-        root_mass=ti.field(real, rows),
-        mass_t=ti.field(real, rows),
+        first=fields.scalars(ti.i32, rows),
+        second=fields.scalars(ti.i32, rows),
+        reach=fields.vectors(2, real, rows),
+        contact_distance=fields.scalars(real, rows),
+        normal=fields.vectors(2, real, rows),
+        gap=fields.scalars(real, rows),
+        mass=fields.scalars(real, rows),
+        root_mass=fields.scalars(real, rows),
+        mass_t=fields.scalars(real, rows),
         force=force,
         memory=(force, *columns),
-        **{name: ti.field(ti.i32, 2 * capacity) for name in ("row_start", "row_count", "wall_row_start", "wall_row_count")},
-        along=vectors(real, parts * wall_half),
-        bounds=vectors(real, parts * wall_half),
-        side=ti.field(real, parts * wall_half),
-        hinge=vectors(real, parts * wall_half) if moves else None,
-        discs=ti.field(ti.i32, rows) if clumps else None,
-        arms=ti.Vector.field(4, real, rows) if clumps else None,
-        rims=vectors(real, rows) if clumps else None,
-        levers=ti.Vector.field(4, real, rows) if clumps else None,
+        **{name: fields.scalars(ti.i32, 2 * capacity) for name in ("row_start", "row_count", "wall_row_start", "wall_row_count")},
+        along=fields.vectors(2, real, parts * wall_half),
+        bounds=fields.vectors(2, real, parts * wall_half),
+        side=fields.scalars(real, parts * wall_half),
+        hinge=fields.vectors(2, real, parts * wall_half) if moves else None,
+        discs=fields.scalars(ti.i32, rows) if clumps else None,
+        arms=fields.vectors(4, real, rows) if clumps else None,
+        rims=fields.vectors(2, real, rows) if clumps else None,
+        levers=fields.vectors(4, real, rows) if clumps else None,
     )
 
 
 def allocate_blocks(count: int, lanes: int) -> Blocks:
     """Empty table of `count` blocks of `lanes` runs."""
-    return Blocks(*(ti.field(ti.i32, count * (lanes if name == "lane_end" else 1)) for name in Blocks._fields))
+    return Blocks(*(fields.scalars(ti.i32, count * (lanes if name == "lane_end" else 1)) for name in Blocks._fields))
 
 
 def fill_struct(struct: Any, values: dict[str, Any]) -> Any:
     """A 0-D field of type `struct` with those of `values` that it has members for."""
-    field = struct.field(shape=())
+    field = fields.record(struct)
     field[None] = {key: value for key, value in values.items() if key in struct.members}
     return field

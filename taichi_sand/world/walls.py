@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import taichi as ti
 
+from taichi_sand.world import fields
 from taichi_sand.world.tables import round_up
 
 FAR = 1e30
@@ -137,13 +138,13 @@ def build_walls(parts: list[Part], spacing: tuple[float, float], sites: tuple[in
     rows = room + moving_entries(parts, spacing, reach)
     rough = any(part.friction >= 0 for part in parts)
     table = Walls(
-        start=ti.field(ti.i32, len(entries[0])),
-        part=ti.field(ti.i32, rows),
-        point=ti.Vector.field(2, real, rows),
-        along=ti.Vector.field(2, real, rows),
-        bounds=ti.Vector.field(2, real, rows),
-        side=ti.field(ti.i32, rows),
-        friction=ti.field(real, part_room(room, parts)) if rough else None,
+        start=fields.scalars(ti.i32, len(entries[0])),
+        part=fields.scalars(ti.i32, rows),
+        point=fields.vectors(2, real, rows),
+        along=fields.vectors(2, real, rows),
+        bounds=fields.vectors(2, real, rows),
+        side=fields.scalars(ti.i32, rows),
+        friction=fields.scalars(real, part_room(room, parts)) if rough else None,
         rough=rough,
         room=room,
     )

@@ -1,0 +1,182 @@
+"""Fields that a simulation takes over from one that is gone, and with them the kernels compiled for them.
+
+Taichi frees no field before it is started afresh, and compiles every kernel anew for other fields: a second or two a simulation. Here
+the fields of a simulation that nobody holds any more are kept together, and lent to the next one that asks for just the same. What it
+makes of them is `same` as before, so that nothing is compiled. (Single fields are not lent: how they lie in memory decides how LLVM
+orders sums, and so the last bits.)
+"""
+
+import ctypes
+import dataclasses
+import math
+import weakref
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import taichi as ti
+from taichi.lang.field import ScalarField
+
+
+class UnfitError(Exception):
+    """A kit has not the field that is asked for."""
+
+
+class Kit:
+    """Fields that were made together."""
+
+    def __init__(self) -> None:
+        self.requests: list[tuple] = []  # what each was asked for as
+        self.fields: list[Any] = []
+        self.whole = False  # all have been made
+        self.taken = 0
+        self.trees: dict[int, int] = {}  # address of each of Taichi's trees that they are in
+
+    def take(self, request: tuple, make: Callable[[], Any]) -> Any:
+        """The next field, full of zeros."""
+        if not self.whole:
+            self.requests.append(request)
+            self.fields.append(make())
+            return self.fields[-1]
+        if self.taken == len(self.fields) or self.requests[self.taken] != request:
+            raise UnfitError
+        self.taken += 1
+        self.clear(self.fields[self.taken - 1])
+        return self.fields[self.taken - 1]
+
+    def close(self) -> None:
+        """All have been asked for."""
+        if self.whole and self.taken < len(self.fields):
+            raise UnfitError
+        self.whole = True
+
+    def clear(self, field: Any) -> None:
+        """Fills a field of a CPU with zeros by its address: a kernel for that would have to be compiled for every field."""
+        if not self.trees:
+            self.find_trees()
+        for member in parts_of(field):
+            cells = member._snode.ptr.parent
+            start = self.trees[cells.get_snode_tree_id()] + cells.offset_bytes_in_parent_cell
+            ctypes.memset(start, 0, math.prod(member.shape) * cells.cell_size_bytes)
+
+    def find_trees(self) -> None:
+        """Asks a kernel for the address of one number of each tree."""
+        members = [member for field in self.fields for member in parts_of(field)]
+        ones = {member._snode.ptr.get_snode_tree_id(): member for member in members}
+        found = np.zeros(len(ones), np.uint64)
+        addresses(found, tuple((one, (0,) * len(one.shape)) for one in ones.values()))
+        for (tree, one), address in zip(ones.items(), found, strict=True):
+            place = one._snode.ptr
+            self.trees[tree] = int(address) - place.offset_bytes_in_parent_cell - place.parent.offset_bytes_in_parent_cell
+
+
+def parts_of(field: Any) -> list[ScalarField]:
+    """A member of each of the blocks of memory that a field has, whose cells hold all members of the block."""
+    members = [ScalarField(member) for member in field._get_field_members()]
+    return list({member._snode.ptr.parent.id: member for member in members}.values())
+
+
+@ti.kernel
+def addresses(found: ti.types.ndarray(ti.u64, 1), places: ti.template()):
+    """Where numbers of fields lie in memory; `places` are pairs of a field and an index."""
+    ti.loop_config(serialize=True)
+    for _ in range(1):
+        for k in ti.static(range(len(places))):
+            found[k] = ti.get_addr(places[k][0], places[k][1])
+
+
+class Shelf:
+    """What has been made since Taichi was started."""
+
+    def __init__(self) -> None:
+        self.numbers = 0  # that all fields hold
+        self.kits: list[Kit] = []  # that nobody uses
+        self.open: Kit | None = None  # that is being taken from; None: what is asked for is for good
+        self.things: dict[Any, Any] = {}  # what `same` has seen
+
+    def take(self, request: tuple, make: Callable[[], Any], numbers: int) -> Any:
+        """A field full of zeros."""
+
+        def count_and_make() -> Any:
+            self.numbers += numbers
+            return make()
+
+        return self.open.take(request, count_and_make) if self.open else make()
+
+    def lend(self, kit: Kit, lay: Callable[[], None]) -> bool:
+        """Calls `lay` with this kit; whether that fitted."""
+        self.open, kit.taken = kit, 0
+        try:
+            lay()
+            kit.close()
+        except UnfitError:
+            return False
+        finally:
+            self.open = None
+        return True
+
+
+shelf = Shelf()
+
+
+def start_afresh() -> None:
+    """Taichi has been started anew: all fields are gone."""
+    global shelf
+    shelf = Shelf()
+
+
+def lend(owner: Any, lay: Callable[[], None], keep: bool) -> None:
+    """Calls `lay`, which asks for fields, until there are some of the kind it wants; they are `owner`'s until it is gone.
+
+    `lay` may be called more than once. Unless `keep`, what is made is not lent again.
+    """
+    fitting = next((kit for kit in list(shelf.kits) if shelf.lend(kit, lay)), None)
+    if fitting:
+        shelf.kits.remove(fitting)
+    else:
+        fitting = Kit()
+        shelf.lend(fitting, lay)
+    if keep:
+        weakref.finalize(owner, shelf.kits.append, fitting).atexit = False
+
+
+def scalars(kind: Any, shape: Any) -> Any:
+    """A field of numbers of type `kind`."""
+    shape = shape if isinstance(shape, tuple) else (shape,)
+    return shelf.take(("scalars", str(kind), shape), lambda: ti.field(kind, shape), math.prod(shape))
+
+
+def vectors(width: int, kind: Any, shape: Any, layout: Any = ti.Layout.AOS) -> Any:
+    """A field of vectors of `width` numbers, unless said otherwise one beside the other: what is used together lies together (of 2-vectors
+    a sixth faster than apart, measured).
+    """
+    shape = shape if isinstance(shape, tuple) else (shape,)
+    request = ("vectors", width, str(kind), shape, layout.name)
+    return shelf.take(request, lambda: ti.Vector.field(width, kind, shape, layout=layout), width * math.prod(shape))
+
+
+def record(struct: Any) -> Any:
+    """A 0-D field of type `struct`."""
+    members = ((name, str(getattr(kind, "dtype", kind)), getattr(kind, "n", 1)) for name, kind in struct.members.items())
+    return shelf.take(("record", *members), lambda: struct.field(shape=()), len(struct.members))
+
+
+def same(thing: Any) -> Any:
+    """The first one of those made so far that hold all the same: kernels know things by identity, and are compiled for each.
+
+    Things are frozen dataclasses and tuples of fields, numbers, names, functions, and of the like; anything else is only itself.
+    """
+    return shelf.things.setdefault(mark(thing), thing)
+
+
+def mark(thing: Any) -> Any:
+    """What two things have in common that are the same for a kernel."""
+    if isinstance(thing, (str, int, float, complex, type(None))):
+        return type(thing).__name__, repr(thing)
+    if isinstance(thing, tuple):
+        return type(thing).__name__, getattr(thing, "_fields", ()), tuple(mark(part) for part in thing)
+    if dataclasses.is_dataclass(thing) and not isinstance(thing, type) and type(thing).__dataclass_params__.frozen:
+        return id(type(thing)), tuple((name, mark(part)) for name, part in vars(thing).items())
+    if isinstance(thing, type(ti.f32)):
+        return "kind", str(thing)
+    return "one", id(thing)
