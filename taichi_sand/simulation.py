@@ -75,8 +75,8 @@ class Simulation(Keeping, Readings):
         extra = solver.MEMORY + sum(columns.values())
         rooms, structure = (self.room + sources.room_for(scene), WALL_ROOM[hand]), effect_modules.structure(self.effects, grains)
         self.world = fields.same(make_world(scene, grains, extra, turns, self.arch != "cpu", *rooms, **structure))
-        longest = effect_modules.longest_step(self.effects, self.world)
-        self.bed = replace(bed_of(grains, scene.gravity, scene.size, fastest_wall(scene)), longest_step=longest)
+        bed = bed_of(grains, scene.gravity, scene.size, fastest_wall(scene))
+        self.bed = replace(bed, **effect_modules.bed(self.effects, self.world))
         self.sizes = np.array([form.size for form in grains.forms] or [1.0])  # by kind: radius of a disc of the same area / radius
         memory = list(self.world.pairs.memory[-extra:]) if extra else []
         own = [memory.pop(0) for _ in range(solver.MEMORY)]
@@ -219,7 +219,7 @@ class Simulation(Keeping, Readings):
         self._adopt(scene, bed, live or {})
 
     def _adopt(self, scene: Scene, bed: Bed, live: dict[str, float]) -> None:
-        bed = replace(bed, longest_step=effect_modules.longest_step(effect_modules.check(scene), self.world))
+        bed = replace(bed, **effect_modules.bed(effect_modules.check(scene), self.world))
         numbers = choose(scene.solver.kind).numbers(scene, bed)
         check_speeds(scene, numbers["speed_cap"])
         self.epoch = (self.steps, self.time)

@@ -21,6 +21,8 @@ NAMES = {" ": "space", ".": "period", ",": "comma", "-": "minus", "=": "equal", 
 PAGE = 2**20
 LONGEST = 180.0
 """Time in which the window must have done all that it was told [s]: other effects and solvers are compiled."""
+BEHIND = 1.0
+"""Where the window has shown nothing for so long [s], the monkey waits for it, as what it is told piles up while something is compiled."""
 
 
 def memory(window: Playing) -> float:
@@ -63,11 +65,13 @@ def play(window: Playing, seconds: float, keys: list[str], seed: int = 1) -> dic
         with contextlib.suppress(subprocess.CalledProcessError):  # the window is gone: why is told below
             act(window, chance, keys, weights)
         events += 1
+        if time.time() - window.file.stat().st_mtime > BEHIND:
+            window.fresh(LONGEST)
         if not first and passed > seconds / 5:
             first = memory(window)
         if window.process.poll() is not None:
             raise AssertionError(f"the window closed with {window.process.returncode}: {window.process.stderr.read()}")
-        time.sleep(max(0.0, events / PER_SECOND - (time.monotonic() - start)))
+        time.sleep(max(0.0, 1 / PER_SECOND - (time.monotonic() - start - passed)))
     window.to(0.5, 0.5)
     window.fresh(LONGEST)
     return {**window.now, "events": events, "grown": memory(window) - first}

@@ -72,6 +72,11 @@ def reach(values: dict) -> float:
     return values["rupture"]
 
 
+def pull(values: dict) -> float:
+    """Strongest pull of a bridge, in weights of a mean grain."""
+    return values["bond"]
+
+
 def build(values: dict, columns: tuple, solver: str) -> Cohesion:
     """The effect for a world; `columns` are those that `memory` asked for."""
     return Cohesion(columns[0])

@@ -22,6 +22,8 @@ depth (1.2 to 2.2, the more the stiffer; settle, 25 and 58 grains deep)."""
 RIGID_LOAD = 0.85
 """The same for the rigid solver, times what the slow reference impulse leaves of the sag: a bed that has come to rest keeps half of the
 tolerance at its worst hundredth, a column a fifth of it; before the reference has followed it is 1.5 times the tolerance."""
+PULLED = 0.8
+"""Bridges that pull with the weight of n grains add to the overlaps so many times what n grains on top do (md, walls of damp sand: 0.76)."""
 SOFT_HERTZ = 0.25
 """Frequency of the soft contact times h; stiffer contacts jitter (physics.md D4)."""
 SOFT_DAMPING, CLUMP_DAMPING = 20.0, 5.0
@@ -76,6 +78,12 @@ class Bed:
     longest_step: float = math.inf  # that the effects allow [s]
     drop: float = 0.0  # that a grain can fall at most [m]
     clumps: bool = False  # whether there are grains of several discs
+    pull: float = 0.0  # of effects that hold grains together, in weights of a mean grain
+
+    @property
+    def squeeze(self) -> float:
+        """Force that presses grains together besides the load, over the mass of a mean grain [m/s2]."""
+        return PULLED * self.pull * (self.gravity or EARTH)
 
 
 def bed_of(pack: Pack, gravity: tuple[float, float], size: tuple[float, float], wall_speed: float = 0.0) -> Bed:
@@ -182,7 +190,8 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     solver = scene.solver
     alpha, beta = {"linear": (0.0, 1.0), "hertz": (0.25, 1.5)}.get(solver.law, (solver.alpha, solver.beta))
     overlap = solver.tolerance * bed.diameter
-    rest = MD_CHAINS * bed.load * bed.gravity / overlap
+    pressed = MD_CHAINS * (bed.load * bed.gravity + bed.mass * bed.squeeze)
+    rest = pressed / overlap
     impact = 0.5 * bed.mass * (bed.speed / (math.sqrt(solver.tolerance) * bed.diameter)) ** 2
     stiffness = solver.stiffness or max(rest, impact) or 1e4 * bed.mass
     k_r = solver.k_r if solver.k_r is not None else stiffness * overlap ** (1 - beta)
@@ -205,7 +214,7 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     cap = 0.5 * bed.diameter * math.pi / contact_time
     unit = math.sqrt((bed.gravity or EARTH) * bed.diameter)
     meant = MEANT * bed.diameter if solver.stiffness or solver.k_r is not None else 0.0
-    borne = (MD_CHAINS * bed.load * bed.gravity / k_r) ** (1 / beta)
+    borne = (pressed / k_r) ** (1 / beta)
     return {
         "step": step,
         "stiffness": k_r,
@@ -230,7 +239,7 @@ def _check_step(scene: Any, key: str, step: float, bed: Bed) -> None:
 def rigid_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     """Numbers of solvers.rigid.constants_type, and the speed cap [m/s]. SandError if the scene asks for an unstable step."""
     solver = scene.solver
-    weight = max(RIGID_LOAD * bed.depth * bed.gravity, 1e-12)
+    weight = max(RIGID_LOAD * (bed.depth * bed.gravity + bed.squeeze), 1e-12)
     flight = math.sqrt(solver.tolerance) * bed.diameter / max(bed.speed, 1e-12)
     followed = FALL * FASTEST * bed.diameter / max(math.sqrt(bed.speed**2 + 2 * bed.gravity * bed.drop), 1e-12)
     step = min(SAG * math.sqrt(solver.tolerance * bed.diameter / weight), flight, followed, LONGEST_STEP, bed.longest_step)
