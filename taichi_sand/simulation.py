@@ -17,7 +17,7 @@ from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.packing import pack
 from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers import choose
-from taichi_sand.solvers.tolerance import Bed, bed_of, depth_of
+from taichi_sand.solvers.tolerance import REST, Bed, bed_of, depth_of, follows_tolerance
 from taichi_sand.world import census, device, fields, sources
 from taichi_sand.world import hand as hands
 from taichi_sand.world.build import check_periodic, fill, make_world
@@ -99,7 +99,8 @@ class Simulation(Keeping, Readings):
         if self.world.layout != "one":
             marching.step_alone(self.world, self.solver)  # only compiles: a step that finds its search spent does nothing
         self._march(0)
-        census.places(self.world)  # only compiles
+        census.places(self.world)  # only compiles, as the next
+        census.strained(self.world, 0.0, 0.0)
 
     @property
     def step(self) -> float:
@@ -156,16 +157,27 @@ class Simulation(Keeping, Readings):
         return self._look_every() - (self.steps - self.epoch[0]) % self._look_every()
 
     def _look(self) -> None:
-        """Stiffness and step follow the depth of a pile that has grown."""
+        """Stiffness and step follow the depth of a pile that has grown, and what the contacts of one at rest show."""
         if not self.count or not self.bed.gravity or self._sleepy():
             return
+        before = self.bed
+        self.bed = self._deeper(before)
+        if follows_tolerance(self.scene.solver):
+            unit = math.sqrt(before.gravity * before.diameter)
+            self.bed = self.bed.seen(*census.strained(self.world, self.scene.solver.tolerance * before.diameter, REST * unit))
+        if replace(self.bed, late=before.late) != before:
+            self._adopt(self.scene, self.bed, {})
+
+    def _deeper(self, bed: Bed) -> Bed:
+        """The bed as deep as it is now, if it has grown."""
         numbers, whole = census.places(self.world)
         free = whole[:, 2] == 0
         if free.any():
             radius = numbers[:, 2] * self.sizes[whole[:, 1]]
             depth, load = depth_of(numbers[free, :2], radius[free], 1 / numbers[free, 3], self.scene.gravity)
-            if depth > GROWTH * self.bed.depth or load > GROWTH * self.bed.load:
-                self._adopt(self.scene, replace(self.bed, depth=max(depth, self.bed.depth), load=max(load, self.bed.load)), {})
+            if depth > GROWTH * bed.depth or load > GROWTH * bed.load:
+                return replace(bed, depth=max(depth, bed.depth), load=max(load, bed.load))
+        return bed
 
     def _sleepy(self) -> bool:
         """Whether this look can be left out: with few awake a pile grows more slowly, with nobody not at all."""

@@ -100,7 +100,7 @@ def used_rows(sim: Simulation) -> Callable[[str, np.ndarray], Spans]:
         2 * world.capacity: [(half * world.capacity, half * world.capacity + count)],
     }
 
-    entries = int(world.walls.start.to_numpy()[-1])
+    entries = int(world.walls.start.to_numpy().max())
     if world.sleeps:  # the rows of sleepers are found in either half
         del pairs[2 * world.capacity]
 
@@ -108,7 +108,7 @@ def used_rows(sim: Simulation) -> Callable[[str, np.ndarray], Spans]:
         rows = len(array)
         if (name.startswith(".0.grains") or name.startswith(".0.grid")) and rows == world.capacity:
             return [(0, count)]
-        if name.startswith(".0.walls") and rows == world.walls.part.shape[0]:
+        if name.startswith(".0.walls") and not name.startswith(".0.walls.start") and rows == world.walls.part.shape[0]:
             return [(0, entries)]
         if name.startswith(".0.pairs") and rows in pairs:
             return pairs[rows]

@@ -1,7 +1,7 @@
 """From the tolerance (overlap allowed at rest / d) to stiffness, damping and step, for both solvers (physics.md D1-D3)."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,12 @@ RIGID_LOAD = 0.85
 """The same for the rigid solver, times what the slow reference impulse leaves of the sag: a bed that has come to rest keeps half of the
 tolerance at its worst hundredth, a column a fifth of it; before the reference has followed it is 1.5 times the tolerance."""
 PULLED = 0.8
-"""Bridges that pull with the weight of n grains add to the overlaps so many times what n grains on top do (md, walls of damp sand: 0.76)."""
+"""Bridges that pull with the weight of n grains add to the overlaps so many times what n grains on top do (md, damp walls: 0.76)."""
+REST, LOOKS, STIFFER, MOST_STRAIN = 0.01, 3, 1.5, 16.0
+"""A bed is at rest where 99 % of its grains are slower than REST sqrt(g d). Where at LOOKS looks in turn one is found that more than 1 %
+of the contacts overlap by more than the tolerance, they bear more than its depth explains, such as rows that an impact has wedged
+between walls: contacts are then made STIFFER times as stiff, or twice, four or eight times that where overlaps are so many tolerances;
+and again, up to MOST_STRAIN times what depth asks for."""
 SOFT_HERTZ = 0.25
 """Frequency of the soft contact times h; stiffer contacts jitter (physics.md D4)."""
 SOFT_DAMPING, CLUMP_DAMPING = 20.0, 5.0
@@ -79,6 +84,17 @@ class Bed:
     drop: float = 0.0  # that a grain can fall at most [m]
     clumps: bool = False  # whether there are grains of several discs
     pull: float = 0.0  # of effects that hold grains together, in weights of a mean grain
+    strain: float = 1.0  # by how much more contacts have been found to bear than all that explains
+    late: int = 0  # looks in turn that have found so
+
+    def seen(self, moving: float, deep: np.ndarray) -> "Bed":
+        """After a look that found this share of the grains in motion, and these of the contacts deeper than 1, 2, 4 … tolerances."""
+        level = int((deep > 0.01).sum())
+        if moving > 0.01 or not level:
+            return replace(self, late=0)
+        if self.late + 1 < LOOKS:
+            return replace(self, late=self.late + 1)
+        return replace(self, late=0, strain=min(MOST_STRAIN, STIFFER * 2 ** (level - 1) * self.strain))
 
     @property
     def squeeze(self) -> float:
@@ -185,12 +201,17 @@ def damping_for(restitution: float, beta: float) -> float:
     return high
 
 
+def follows_tolerance(solver: Any) -> bool:
+    """Whether stiffness and step follow from the tolerance, not from numbers of their own in the [solver] table."""
+    return not any((solver.step, solver.substeps, solver.stiffness, solver.k_r, solver.hertz))
+
+
 def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     """Numbers of solvers.md.constants_type, and the speed cap [m/s]. SandError if the scene asks for an unstable step."""
     solver = scene.solver
     alpha, beta = {"linear": (0.0, 1.0), "hertz": (0.25, 1.5)}.get(solver.law, (solver.alpha, solver.beta))
     overlap = solver.tolerance * bed.diameter
-    pressed = MD_CHAINS * (bed.load * bed.gravity + bed.mass * bed.squeeze)
+    pressed = MD_CHAINS * (bed.load * bed.gravity + bed.mass * bed.squeeze) * bed.strain
     rest = pressed / overlap
     impact = 0.5 * bed.mass * (bed.speed / (math.sqrt(solver.tolerance) * bed.diameter)) ** 2
     stiffness = solver.stiffness or max(rest, impact) or 1e4 * bed.mass
@@ -239,7 +260,7 @@ def _check_step(scene: Any, key: str, step: float, bed: Bed) -> None:
 def rigid_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     """Numbers of solvers.rigid.constants_type, and the speed cap [m/s]. SandError if the scene asks for an unstable step."""
     solver = scene.solver
-    weight = max(RIGID_LOAD * (bed.depth * bed.gravity + bed.squeeze), 1e-12)
+    weight = max(RIGID_LOAD * (bed.depth * bed.gravity + bed.squeeze) * bed.strain, 1e-12)
     flight = math.sqrt(solver.tolerance) * bed.diameter / max(bed.speed, 1e-12)
     followed = FALL * FASTEST * bed.diameter / max(math.sqrt(bed.speed**2 + 2 * bed.gravity * bed.drop), 1e-12)
     step = min(SAG * math.sqrt(solver.tolerance * bed.diameter / weight), flight, followed, LONGEST_STEP, bed.longest_step)

@@ -9,10 +9,13 @@ import numpy as np
 import taichi as ti
 
 from taichi_sand.world.carried import start_anew
-from taichi_sand.world.geometry import mobility, movable, position
+from taichi_sand.world.geometry import distance_to_second, mobility, movable, position, velocity
 from taichi_sand.world.rest import wake
+from taichi_sand.world.sweep import block_count
 from taichi_sand.world.tables import World
 
+LEVELS = 4
+"""Overlaps are told apart by powers of two."""
 NUMBERS = 9
 """Columns of `put`: offset x, y, velocity x, y, spin, angle, radius, 1/mass, 1/inertia."""
 
@@ -84,6 +87,42 @@ def places(world: World) -> tuple[np.ndarray, np.ndarray]:
         if wraps:
             numbers[:, k] %= world.box[None].size[k]
     return numbers, whole[:count]
+
+
+@ti.func
+def overlap_of(w: ti.template(), p, wall: ti.template()):
+    """Overlap of pair p [m]; below 0 apart."""
+    distance, _ = distance_to_second(w, p, w.pairs.first[p], wall)
+    return w.pairs.contact_distance[p] - distance
+
+
+@ti.kernel
+def count_strained(w: ti.template(), deep: float, fast: float, found: ti.types.ndarray()):
+    """See `strained`; a row a block."""
+    for b in range(block_count(w)):
+        moving, touching, over = 0, 0, ti.Vector([0] * LEVELS)
+        for i in range(w.blocks.grain_start[b], w.blocks.grain_end[b]):
+            moving += ti.cast(velocity(w, i).dot(velocity(w, i)) > fast * fast, ti.i32)
+        for wall in ti.static((False, True)):
+            rows = ti.static((w.blocks.wall_start, w.blocks.wall_end) if wall else (w.blocks.pair_start, w.blocks.pair_end))
+            for p in range(rows[0][b], rows[1][b]):
+                overlap = overlap_of(w, p, wall)
+                touching += ti.cast(overlap > 0.0, ti.i32)
+                for k in ti.static(range(LEVELS)):
+                    over[k] += ti.cast(overlap > deep * 2**k, ti.i32)
+        found[b, 0], found[b, 1] = moving, touching
+        for k in ti.static(range(LEVELS)):
+            found[b, 2 + k] = over[k]
+
+
+def strained(world: World, deep: float, fast: float) -> tuple[float, np.ndarray]:
+    """Share of the grains that are faster than `fast` [m/s]; shares of the contacts that overlap by more than `deep` times 1, 2, 4 … [m],
+    shape (LEVELS,).
+    """
+    found = np.zeros((world.blocks.pair_start.shape[0], 2 + LEVELS), np.int32)
+    count_strained(world, deep, fast, found)
+    moving, touching, *over = found.sum(axis=0)
+    return float(moving / max(1, world.count[None])), np.array(over) / max(1, touching)
 
 
 def link_lines(world: World) -> tuple[np.ndarray, np.ndarray]:

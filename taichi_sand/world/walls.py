@@ -22,7 +22,7 @@ ENTRIES_PER_PART = 8
 class Walls(NamedTuple):
     """Parts near each lattice site, in the coordinates of the site (its centre is the origin)."""
 
-    start: Any  # shape (sites + 1,): rows of the entries of site sx * sites_y + sy
+    start: Any  # of site sx * sites_y + sy: first row of its entries; shape (more than sites,)
     part: Any  # number of the part, i32
     point: Any  # a point of the line, or the end itself [m]
     along: Any  # direction of the line; of an end the first direction that leads off
@@ -138,7 +138,7 @@ def build_walls(parts: list[Part], spacing: tuple[float, float], sites: tuple[in
     rows = room + moving_entries(parts, spacing, reach)
     rough = any(part.friction >= 0 for part in parts)
     table = Walls(
-        start=fields.scalars(ti.i32, len(entries[0])),
+        start=fields.scalars(ti.i32, round_up(len(entries[0]))),
         part=fields.scalars(ti.i32, rows),
         point=fields.vectors(2, real, rows),
         along=fields.vectors(2, real, rows),
