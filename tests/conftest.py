@@ -15,6 +15,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--arch", default="cpu", help="backend for the tests of the layout that a GPU runs on")
 
 
+@pytest.fixture(scope="module", autouse=True)
+def nobody_elses_simulation() -> None:
+    """Fixtures of another file may still hold theirs, on other threads or of other precision."""
+    from taichi_sand.study.laboratory import fresh_taichi
+
+    fresh_taichi()
+
+
 @pytest.fixture
 def scene_file(tmp_path: Path) -> Callable[[str], Path]:
     """Writes a scene file, `scene.toml` in a folder of its own, and returns its path."""

@@ -42,15 +42,15 @@ def test_growing_pile_keeps_its_tolerance(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["md", "rigid"])
 def test_what_presses_on_a_pile_is_seen_by_its_overlaps(kind: str) -> None:
-    """A piston bears on 150 discs with five times their weight, which their depth does not tell."""
+    """A piston bears on 150 discs with thrice their weight, which their depth does not tell."""
     grains = [{"radius": [0.004, 0.006], "count": 150, "region": [0.0, 0.0, 0.15, 0.2]}]
-    force = 5 * 150 * 2650 * math.pi * 0.005**2 * 9.81
+    force = 3 * 150 * 2650 * math.pi * 0.005**2 * 9.81
     plate = {"closed": True, "points": [[0.001, 0.2], [0.149, 0.2], [0.149, 0.22], [0.001, 0.22]], "velocity": [0.0, -0.1], "force": force}
     sim = simulate(grains, (0.15, 0.25), {"kind": kind, "precision": 32, "tolerance": 0.01}, gravity=(0, -9.81), mu=0.5, walls=[plate])
     worst = 0.0
-    for _ in range(8):
+    for _ in range(12):
         sim.advance(0.5)
         worst = max(worst, sim.report()["overlap_p99"])
     report = sim.report()
     assert worst > 2 * report["tolerance"] >= 2 * report["overlap_p99"] > 0.4 * report["tolerance"], (worst, report["overlap_p99"])
-    assert 2 < sim.bed.strain < 16 and sim.flags() == []
+    assert 1.4 < sim.bed.strain < 16 and sim.flags() == []
