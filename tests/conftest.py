@@ -10,6 +10,41 @@ os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("NO_COLOR", "1")  # messages without control characters
 
 
+LONG = (
+    "test_bonds.py::test_bonds_in_the_window",
+    "test_bonds.py::test_stiff_bonds_are_stable[rigid-0.1]",
+    "test_bonds.py::test_stiff_bonds_are_stable[md-0.1]",
+    "test_bonds.py::test_frequency_of_a_pair[rigid]",
+    "test_clumps.py::test_static_threshold[rigid]",
+    "test_clumps.py::test_conservation[rigid]",
+    "test_columns.py::test_md_bounces_lower",
+    "test_columns.py::test_rigid_column[100-270.0]",
+    "test_conservation.py::test_md_gas[linear-20]",
+    "test_effects.py::test_neutral_values_change_nothing[rigid]",
+    "test_moving_walls.py::test_piston_stops_where_grains_bear_its_force[md]",
+    "test_moving_walls.py::test_lifts_off_above_one_g[0.9-",
+    "test_moving_walls.py::test_turning_wall_drags_with_its_surface[md]",
+    "test_search.py::test_lone_fast_disc_meets_the_walls[md-gravity0]",
+    "test_session.py::test_whoever_slept_moves_on",
+    "test_sleeping.py::test_clumps_sleep_and_wake[rigid]",
+    "test_sleeping.py::test_a_moving_wall_wakes[rigid]",
+    "test_sleeping.py::test_a_sleeping_pile_does_not_move_a_bit[md]",
+    "test_sleeping.py::test_falling_asleep_and_waking_costs_no_energy[rigid]",
+    "test_sleeping.py::test_strips_sleep_to_the_same_bits",
+    "test_sleeping.py::test_waking_a_few_changes_nothing_else[rigid]",
+    "test_stress.py::test_hard_case[elastic-",
+)
+"""Slow by what they compile, or simulate; most have a like for the other solver that is not."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Marks those as slow."""
+    for item in items:
+        if any(name in item.nodeid for name in LONG):
+            item.add_marker(pytest.mark.slow)
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     """`--arch cuda` runs tests/test_cells.py on a GPU."""
     parser.addoption("--arch", default="cpu", help="backend for the tests of the layout that a GPU runs on")

@@ -130,7 +130,7 @@ def lend(owner: Any, lay: Callable[[], None], keep: bool) -> None:
 
     `lay` may be called more than once. Unless `keep`, what is made is not lent again.
     """
-    fitting = next((kit for kit in list(shelf.kits) if shelf.lend(kit, lay)), None)
+    fitting = next((kit for kit in reversed(shelf.kits.copy()) if shelf.lend(kit, lay)), None)  # the last is the likeliest
     if fitting:
         shelf.kits.remove(fitting)
     else:
