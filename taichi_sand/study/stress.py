@@ -132,25 +132,30 @@ def run(one: Case, solver: str, tolerance: float, film: Path | None = None) -> R
 
 
 def run_all(asked: list[tuple[Case, str, float]], jobs: int, film: Path | None, progress: Callable[[float], None] | None) -> list[Row]:
-    """Runs them in `jobs` processes; `progress` is called with the share done. Those that take long start first, and a case at its
-    other tolerances later, when its kernels lie in the cache.
+    """Runs them in `jobs` processes; `progress` is called with the share done. A case goes through its tolerances in one process, as its
+    kernels are compiled there; those that take long start first.
     """
     done: dict[int, Row] = {}
-    order = sorted(range(len(asked)), key=lambda k: (asked[k][0].quick, [tolerance for _, _, tolerance in asked].index(asked[k][2])))
+    groups: dict[tuple[str, str], list[int]] = {}
+    for k in sorted(range(len(asked)), key=lambda k: asked[k][0].quick):
+        groups.setdefault((asked[k][0].name, asked[k][1]), []).append(k)
     with ProcessPoolExecutor(jobs, get_context("spawn")) if jobs > 1 else nullcontext() as pool:
-        waiting = {pool.submit(run_named, asked[k][0].name, *asked[k][1:], film): k for k in order} if pool else {}
-        for one in as_completed(waiting) if pool else order:
-            k = waiting[one] if pool else one
-            done[k] = one.result() if pool else run(*asked[k], film)
+        waiting = {}
+        if pool:
+            for (name, solver), those in groups.items():
+                waiting[pool.submit(run_named, name, solver, [asked[k][2] for k in those], film)] = those
+        for one in as_completed(waiting) if pool else groups.values():
+            those = waiting[one] if pool else one
+            done |= zip(those, one.result() if pool else (run(*asked[k], film) for k in those), strict=True)
             if progress:
                 progress(len(done) / len(asked))
     return [done[k] for k in range(len(asked))]
 
 
-def run_named(name: str, solver: str, tolerance: float, film: Path | None) -> Row:
-    """`run`, in a process of its own."""
+def run_named(name: str, solver: str, tolerances: list[float], film: Path | None) -> list[Row]:
+    """`run` at these tolerances, in a process of its own."""
     rows("", (), ())
-    return run(CASES[name], solver, tolerance, film)
+    return [run(CASES[name], solver, tolerance, film) for tolerance in tolerances]
 
 
 def picture(path: Path) -> None:
