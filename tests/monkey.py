@@ -57,24 +57,26 @@ def act(window: Playing, chance: random.Random, keys: list[str], weights: list[f
 
 
 def play(window: Playing, seconds: float, keys: list[str], seed: int = 1) -> dict[str, Any]:
-    """Plays for so long; what the window said at the end, and by how much its memory grew after the first fifth [MB]."""
+    """Plays for so long; what the window said at the end, and by how much more memory it held at most in the last third of the time than
+    in the first [MB]: it rises and falls with the structures that are kept ready, and with what can be undone.
+    """
     chance = random.Random(seed)
     weights = [RARE.get(key, 1.0) for key in keys]
-    start, first, events = time.monotonic(), 0.0, 0
+    start, events, peaks = time.monotonic(), 0, [0.0, 0.0, 0.0]
     while (passed := time.monotonic() - start) < seconds:
         with contextlib.suppress(subprocess.CalledProcessError):  # the window is gone: why is told below
             act(window, chance, keys, weights)
         events += 1
         if time.time() - window.file.stat().st_mtime > BEHIND:
             window.fresh(LONGEST)
-        if not first and passed > seconds / 5:
-            first = memory(window)
         if window.process.poll() is not None:
             raise AssertionError(f"the window closed with {window.process.returncode}: {window.process.stderr.read()}")
+        third = int(3 * passed / seconds)
+        peaks[third] = max(peaks[third], memory(window))
         time.sleep(max(0.0, 1 / PER_SECOND - (time.monotonic() - start - passed)))
     window.to(0.5, 0.5)
     window.fresh(LONGEST)
-    return {**window.now, "events": events, "grown": memory(window) - first}
+    return {**window.now, "events": events, "peaks": [round(peak) for peak in peaks], "grown": peaks[2] - peaks[0]}
 
 
 if __name__ == "__main__":
@@ -82,6 +84,6 @@ if __name__ == "__main__":
 
     with tempfile.TemporaryDirectory() as folder, Playing(Path(folder), *(sys.argv[2:] or ["pile"])) as monkeys_window:
         told = play(monkeys_window, 60 * float(sys.argv[1]), [key.key for key in KEYS])
-        shown = ("events", "time", "grains", "kinetic_energy_J", "speed_max_m_s", "solver", "flags", "unphysical", "undo", "grown")
+        shown = ("events", "time", "grains", "kinetic_energy_J", "speed_max_m_s", "solver", "flags", "unphysical", "undo", "peaks", "grown")
         print({name: told[name] for name in shown}, flush=True)
         print("exit", monkeys_window.close(LONGEST), monkeys_window.process.stderr.read())

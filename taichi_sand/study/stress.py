@@ -225,11 +225,11 @@ class Watch:
         yield Gate("rms speed / sqrt(g d)", float(np.sqrt((self.sim.velocities**2).sum(1).mean()) / unit), 1e-3)
 
 
-def sound(sim: Any, count: int) -> Iterator[Gate]:
-    """All numbers finite, and all `count` grains in the box."""
+def sound(sim: Any, count: int, beyond: float = 0.0) -> Iterator[Gate]:
+    """All numbers finite, and the centres of all `count` grains in the box, or no more than `beyond` [m] outside."""
     finite = all(np.isfinite(values).all() for values in (sim.positions, sim.velocities, sim.spins))
     yield Gate("numbers that are not finite", 0.0 if finite else EXPLOSION, 0.0)
-    yield Gate("grains lost", count - inside(sim), 0.0)
+    yield Gate("grains lost", count - inside(sim, beyond), 0.0)
 
 
 def at_rest(sim: Any, drop: float, seconds: float, tolerance: float) -> Iterator[Gate]:
@@ -240,10 +240,10 @@ def at_rest(sim: Any, drop: float, seconds: float, tolerance: float) -> Iterator
     yield from watch.resting(tolerance)
 
 
-def inside(sim: Any) -> int:
-    """Grains whose centre lies in the box."""
+def inside(sim: Any, beyond: float = 0.0) -> int:
+    """Grains whose centre lies in the box, or no more than `beyond` [m] outside."""
     at = sim.positions
-    return int(((at >= 0) & (at <= np.array(sim.scene.size))).all(1).sum())
+    return int(((at >= -beyond) & (at <= np.array(sim.scene.size) + beyond)).all(1).sum())
 
 
 def poured(count: int, width: float, height: float, solver: dict[str, Any], **keys: Any) -> Any:

@@ -1,6 +1,7 @@
 """Starts Taichi, once for all simulations that share backend, threads and precision."""
 
 import contextlib
+import ctypes
 import gc
 import os
 import weakref
@@ -54,6 +55,12 @@ def forget() -> None:
     state["key"] = None
 
 
+def give_memory_back() -> None:
+    """What has been freed goes back to the system, where the C library can be told to (it keeps half of what compiled kernels took)."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
+
+
 def launch(arch: str, threads: int, precision: int) -> None:
     """ti.init, with an error in words if the backend is not there."""
     hasten()
@@ -65,5 +72,6 @@ def launch(arch: str, threads: int, precision: int) -> None:
         options = {"cfg_optimization": False, "log_level": ti.ERROR, "random_seed": 0}
         ti.init(arch=kind, cpu_max_num_threads=threads, default_fp=real, **options)
     fields.start_afresh()
+    give_memory_back()
     if not on_gpu() and arch != "cpu":
         raise SandError(f"--arch {arch}: this machine has no such backend for Taichi; take --arch cpu", "arch")
