@@ -15,7 +15,7 @@ from typing import Any
 from playing import Playing
 
 PER_SECOND = 10.0
-RARE = {"m": 0.05, "[": 0.0, "]": 0.0, "Escape": 0.0, "f": 0.1, "p": 0.1}
+RARE = {"m": 0.01, "[": 0.0, "]": 0.0, "Escape": 0.0, "f": 0.1, "p": 0.1}
 """How often a key is pressed, against the others: another solver is compiled, films and pictures fill the disk."""
 NAMES = {" ": "space", ".": "period", ",": "comma", "-": "minus", "=": "equal", "[": "bracketleft", "]": "bracketright"}
 PAGE = 2**20
@@ -50,7 +50,7 @@ def act(window: Playing, chance: random.Random, keys: list[str], weights: list[f
         window.tool("click", chance.choice((4, 5)))
     else:
         name, (x, y, wide, high) = chance.choice(list(window.now["controls"].items()))
-        if name in ("md", "rigid") or (wide < 100 and chance.random() > 0.1):  # switches compile at times
+        if name in ("md", "rigid") or (wide < 100 and chance.random() > 0.02):  # switches compile at times
             return
         place = ["mousemove", "--window", window.window, round(x + chance.random() * wide), round(y + high / 2)]
         window.tool(*place, "mousedown", 1, *place[:3], round(x + chance.random() * wide), round(y + high / 2), "mouseup", 1)
