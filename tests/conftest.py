@@ -39,7 +39,7 @@ LONG = (
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Marks those as slow."""
+    """Marks those as slow, before `-m` chooses."""
     for item in items:
         if any(name in item.nodeid for name in LONG):
             item.add_marker(pytest.mark.slow)
