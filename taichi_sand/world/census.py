@@ -10,6 +10,7 @@ import taichi as ti
 
 from taichi_sand.world.carried import start_anew
 from taichi_sand.world.geometry import distance_to_second, mobility, movable, position, velocity
+from taichi_sand.world.movers import held_up
 from taichi_sand.world.rest import wake
 from taichi_sand.world.sweep import block_count
 from taichi_sand.world.tables import World
@@ -110,14 +111,14 @@ def count_strained(w: ti.template(), deep: float, fast: float, found: ti.types.n
                 touching += ti.cast(overlap > 0.0, ti.i32)
                 for k in ti.static(range(LEVELS)):
                     over[k] += ti.cast(overlap > deep * 2**k, ti.i32)
-        found[b, 0], found[b, 1] = moving, touching
+        found[b, 0], found[b, 1] = ti.select(held_up(w), w.blocks.grain_end[b] - w.blocks.grain_start[b], moving), touching
         for k in ti.static(range(LEVELS)):
             found[b, 2 + k] = over[k]
 
 
 def strained(world: World, deep: float, fast: float) -> tuple[float, np.ndarray]:
     """Share of the grains that are faster than `fast` [m/s]; shares of the contacts that overlap by more than `deep` times 1, 2, 4 … [m],
-    shape (LEVELS,).
+    shape (LEVELS,). All count as fast where a wall waits that nothing can stop: it presses harder the stiffer they get.
     """
     found = np.zeros((world.blocks.pair_start.shape[0], 2 + LEVELS), np.int32)
     count_strained(world, deep, fast, found)

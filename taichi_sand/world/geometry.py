@@ -112,10 +112,15 @@ def wall_velocity(w: ti.template(), p, i, distance, normal):
     v = ti.Vector([0.0, 0.0])
     m = w.movers.wall[w.pairs.second[p]]
     if m >= 0:
-        twist = w.movers.twist[m]
-        touch = moved(w, p, i, False) + at_most(w.pairs.contact_distance[p], distance) * normal
-        v = point_velocity(twist.xy, twist.z, touch - w.pairs.hinge[wall_row(w, p)] - w.movers.pose[m].zw)
+        v = carried_along(w, p, i, m, distance, normal, w.movers.twist[m])
     return v
+
+
+@ti.func
+def carried_along(w: ti.template(), p, i, m, distance, normal, twist):
+    """Velocity of moving wall m where pair p touches it, if it moves like this: velocity of its pivot, and spin [m/s]."""
+    touch = moved(w, p, i, False) + at_most(w.pairs.contact_distance[p], distance) * normal
+    return point_velocity(twist.xy, twist.z, touch - w.pairs.hinge[wall_row(w, p)] - w.movers.pose[m].zw)
 
 
 @ti.func

@@ -15,7 +15,7 @@ import taichi as ti
 from taichi_sand.scene import moving
 from taichi_sand.world import fields
 from taichi_sand.world.flags import WALL_PAIRS_FULL, WALL_WAITS, flag
-from taichi_sand.world.geometry import at_most, perp
+from taichi_sand.world.geometry import at_least, at_most, carried_along, perp
 from taichi_sand.world.ledger import drive
 
 UNIT = 1 << 16
@@ -26,8 +26,9 @@ RESPONSE = 0.02
 """Time in which a motor gets up to speed [s], at least; and so much that it has the inertia of HEAVIER rows of grains."""
 HEAVIER = 4.0
 JAMMED, TOLERANCES = 0.06, {"md": 3.0, "rigid": 1.5}
-"""Overlap with a wall at which it slows down: in mean diameters, or, if that is more, in tolerances. It waits at half as much again. Rigid
-grains squeezed by a wall overlap one another several times as deep as the wall."""
+"""Overlap with a wall at which it slows down: in mean diameters, or, if that is more, in tolerances. It waits at a quarter as much
+again, and yields from half as much again on: if it did not wait in between, it would follow the grains about for good. Rigid grains
+squeezed by a wall overlap one another several times as deep as the wall."""
 BLUR = {"md": 20.0, "rigid": 1.0}
 """Steps over which that overlap is averaged: soft grains that hit a wall overlap for as long as a collision lasts, which is no jam."""
 
@@ -50,9 +51,10 @@ class Movers(NamedTuple):
     phase: Any  # of the shaking then [rad]
     start: Any  # motion then: velocity of the pivot x, y and spin, 0; 4-vector
     pose: Any  # cosine and sine of the turn, and the shift of the pivot, since; 4-vector
+    course: Any  # motion that the scene asks for now
     twist: Any  # motion now
     push: Any  # power that contacts take from the motor in this step, of UNIT; i32
-    press: Any  # deepest overlap in this step, as the solver counts it [m]
+    press: Any  # deepest overlap that it drives at in this step, as the solver counts it [m]
     strain: Any  # its average [m]
     jam: Any  # 0-D: average at which a wall without a motor slows down [m]
     blur: Any  # 0-D: steps that are averaged over
@@ -71,7 +73,7 @@ def allocate_movers(real: Any, wide: Any, walls: int, every: int, parts: int, si
     """Empty tables for so many moving walls, parts of all walls, parts that move, lattice sites and entries."""
     pairs = {"velocity": wide, "pivot": wide, "amplitude": wide, "hinge": real}
     columns: dict[str, Any] = {name: fields.vectors(2, kind, walls) for name, kind in pairs.items()}
-    columns |= {name: fields.vectors(4, real, walls) for name in ("start", "pose", "twist")}
+    columns |= {name: fields.vectors(4, real, walls) for name in ("start", "pose", "course", "twist")}
     columns |= {name: fields.scalars(wide, walls) for name in ("spin", "omega", "age")}
     columns |= {name: fields.scalars(real, walls) for name in ("lever", "power", "response", "since", "rate", "phase", "press", "strain")}
     columns |= {
@@ -139,19 +141,24 @@ def place_walls(w: ti.template(), ahead, lead):
             shift = ti.cast(shift_of(movers, m, movers.phase[m], time), w.real)
             movers.pose[m] = ti.Vector([ti.cos(turn), ti.sin(turn), shift.x, shift.y])
             phase = movers.phase[m] + movers.omega[m] * (movers.since[m] + lead * step)
-            movers.twist[m] = ti.cast(movers.rate[m] * motion_at(movers, m, phase), w.real)
+            movers.course[m] = ti.cast(motion_at(movers, m, phase), w.real)
+            movers.twist[m] = ti.cast(movers.rate[m], w.real) * movers.course[m]
             movers.push[m], movers.press[m] = 0, 0.0
 
 
 @ti.func
 def feel(w: ti.template(), s: ti.template(), c: ti.template(), p, distance, normal, force, press, wall: ti.template()):
-    """Notes what contact p presses on a wall in this step, if that moves: `force` (normal, tangential) on it [N], `press` [m] deep."""
+    """Notes what contact p presses on a wall in this step, if that moves: `force` (normal, tangential) on it [N], `press` [m] deep.
+
+    That counts as far as the wall drives against the grain: one that slides along below a heavy bed is not held up by it.
+    """
     drive(w, s, p, distance, normal, force * c.step, wall)
     if ti.static(wall and w.moves):
         movers = ti.static(w.movers)
         m = movers.wall[w.pairs.second[p]]
         if m >= 0 and force.x > 0.0:
-            ti.atomic_max(movers.press[m], press)
+            to = carried_along(w, p, w.pairs.first[p], m, distance, normal, movers.course[m])
+            ti.atomic_max(movers.press[m], press * at_least(0.0, -to.dot(normal)) / at_least(1e-9, to.norm()))
             if movers.power[m] > 0.0:
                 v = ti.cast(movers.velocity[m], w.real)
                 taken = -(force.x * v.dot(normal) + force.y * v.dot(perp(normal))) / movers.power[m]
@@ -171,7 +178,8 @@ def close_walls(w: ti.template()):
             movers.rate[m] += at_most(0.25, pace.step / movers.response[m]) * (goal - movers.rate[m])
         else:
             movers.strain[m] += (movers.press[m] - movers.strain[m]) / movers.blur[None]
-            movers.rate[m] = ti.max(-1.0, ti.min(1.0, 3.0 - 2.0 * movers.strain[m] / movers.jam[None]))
+            jam = movers.strain[m] / movers.jam[None]
+            movers.rate[m] = ti.max(0.0, ti.min(1.0, 5.0 - 4.0 * jam)) - ti.max(0.0, ti.min(1.0, 4.0 * jam - 6.0))
             if movers.rate[m] < 1.0:
                 flag(w, WALL_WAITS, m)
         time = ti.cast(pace.since + 1, w.real) * pace.step
@@ -182,6 +190,16 @@ def close_walls(w: ti.template()):
         if 4.0 * off * off > pace.skin * pace.skin:
             w.pace[None].strayed = 1
         movers.pose[m] = ti.Vector([ti.cos(turn), ti.sin(turn), shift.x, shift.y])
+
+
+@ti.func
+def held_up(w: ti.template()):
+    """Whether grains are jammed in the way of a wall without a motor."""
+    waits = False
+    if ti.static(w.moves):
+        for m in range(w.movers.rate.shape[0]):
+            waits = waits or (w.movers.power[m] == 0.0 and w.movers.rate[m] < 1.0)
+    return waits
 
 
 @ti.func

@@ -151,3 +151,18 @@ def test_piston_without_limit_stalls(kind: str) -> None:
     assert piston_at(sim) < 0.25 and (sim.positions[:, 0] > piston_at(sim)).all()
     report = sim.report()
     assert sim.count == 150 and report["overlap_mean"] < (0.1 if kind == "rigid" else 0.03) and report["overlap_max"] < 0.5
+
+
+def test_belt_slides_along_below_a_load() -> None:
+    """A column that lands on a belt presses it in more deeply than a jam, but is not in its way: it goes on at its speed."""
+    speed, top, count = 0.2, 0.05, 60
+    walls = [{"points": [[0.02, top], [0.3, top]], "velocity": [speed, 0.0]}]
+    discs = [Disc(0.2, top + 0.2 + (2 * k + 1) * R) for k in range(count)]
+    sim = simulate(discs, (0.5, 1.5), {"kind": "rigid", "tolerance": 0.02}, walls=walls, edges=OPEN, mu=0.0, gravity=DOWN)
+    deepest = 0.0
+    while sim.time < 0.3:
+        sim.advance(0.005)
+        deepest = max(deepest, top + R - float(sim.positions[0, 1]))
+    assert deepest > 0.06 * D
+    assert sim.flags() == []
+    assert standing_walls(sim.world, sim.scene)[0][0, 0] == pytest.approx(0.02 + speed * sim.time, rel=1e-6)
