@@ -29,6 +29,9 @@ JAMMED, TOLERANCES = 0.06, {"md": 3.0, "rigid": 1.5}
 """Overlap with a wall at which it slows down: in mean diameters, or, if that is more, in tolerances. It waits at a quarter as much
 again, and yields from half as much again on: if it did not wait in between, it would follow the grains about for good. Rigid grains
 squeezed by a wall overlap one another several times as deep as the wall."""
+HIT = {"md": 1.0, "rigid": 0.0}
+"""What that is more for a wall as fast as the speed cap: soft grains overlap by its speed over that of sound as long as the wave that it
+sends through a bed is on its way; impacts of rigid ones are answered within a step."""
 BLUR = {"md": 20.0, "rigid": 1.0}
 """Steps over which that overlap is averaged: soft grains that hit a wall overlap for as long as a collision lasts, which is no jam."""
 
