@@ -20,6 +20,7 @@ from taichi_sand.world.pairs import LEAST_SKIN, LEAST_SLACK, MOST_REACH, MOST_SK
 from taichi_sand.world.sinks import build_flow
 from taichi_sand.world.tables import (
     LANES,
+    LEAST_ROOM,
     PAIRS_PER_GRAIN,
     STRIPS,
     WALL_PAIRS_PER_GRAIN,
@@ -142,7 +143,7 @@ def make_world(
     diameter, sight = lengths["diameter"], lengths["largest"] / 2 + MOST_REACH * lengths["diameter"] + lengths["bridge"]
     spacing, sites = lay_lattice(scene.size, diameter, capacity)
     least_cell, most_cells = plan_cells(scene.size, lengths["listed"] + lengths["bridge"], capacity)
-    cells, lanes = round_up(most_cells + 1), LANES[layout]
+    cells, lanes = round_up(most_cells + 1, 64 if layout == "cells" else LEAST_ROOM), LANES[layout]
     blocks = {"one": 1, "strips": STRIPS, "cells": cells}[layout]
     rows, wall_rows = (per * most_discs(pack) for per in (PAIRS_PER_GRAIN, WALL_PAIRS_PER_GRAIN))
     wall_half, wall_base = wall_rows * capacity, rows * (capacity + lanes * min(blocks, STRIPS)) + boulders
@@ -176,7 +177,7 @@ def make_world(
         wall_rows=wall_rows,
         layout=layout,
         lanes=lanes,
-        colour_cells=most_of_a_colour(scene.size, least_cell),
+        colour_cells=most_of_a_colour(scene.size, least_cell) if layout == "cells" else 0,
         real=real,
     )
     world.box[None] = {"spacing": spacing, "sites": sites, "least_cell": least_cell, **lengths, **box_numbers(scene, pack)}

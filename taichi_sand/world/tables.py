@@ -181,9 +181,13 @@ def box_type(real: Any) -> Any:
     )
 
 
-def round_up(count: int) -> int:
-    """Next power of two, at least 64: sizes are part of the key of the compile cache."""
-    return max(64, 1 << math.ceil(math.log2(max(count, 1))))
+LEAST_ROOM = 1024
+"""Least room for cells, and for lattice sites and what is felt from them: so all small boxes are alike to kernels."""
+
+
+def round_up(count: int, least: int = 64) -> int:
+    """Next power of two, at least `least`: sizes are part of the key of the compile cache, and fields of one size can be taken over."""
+    return max(least, 1 << math.ceil(math.log2(max(count, 1))))
 
 
 def allocate_grains(real: Any, rows: int, clumps: bool) -> Grains:

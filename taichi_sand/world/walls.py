@@ -12,7 +12,7 @@ import numpy as np
 import taichi as ti
 
 from taichi_sand.world import fields
-from taichi_sand.world.tables import round_up
+from taichi_sand.world.tables import LEAST_ROOM, round_up
 
 FAR = 1e30
 ENTRIES_PER_PART = 8
@@ -134,11 +134,11 @@ def build_walls(parts: list[Part], spacing: tuple[float, float], sites: tuple[in
     to know of a wall.
     """
     entries = cast_parts(parts, spacing, sites, reach)
-    room = round_up(max(room, len(entries[1])))
+    room = round_up(max(room, len(entries[1])), LEAST_ROOM)
     rows = room + moving_entries(parts, spacing, reach)
     rough = any(part.friction >= 0 for part in parts)
     table = Walls(
-        start=fields.scalars(ti.i32, round_up(len(entries[0]))),
+        start=fields.scalars(ti.i32, round_up(len(entries[0]), LEAST_ROOM)),
         part=fields.scalars(ti.i32, rows),
         point=fields.vectors(2, real, rows),
         along=fields.vectors(2, real, rows),
