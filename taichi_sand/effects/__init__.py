@@ -108,9 +108,12 @@ def fitting(kind: str) -> list[str]:
 
 
 def check(scene: Any) -> dict[str, dict[str, Any]]:
-    """Complete tables of the effects that `scene` names, defaults filled in; SandError if one does not exist or fit the solver."""
+    """Complete tables of the effects that `scene` names, defaults filled in; SandError if one does not exist or fit the solver.
+
+    In the order of their names, whatever the scene's: kernels and bits are then the same.
+    """
     tables = {}
-    for name, table in scene.effects.items():
+    for name, table in sorted(scene.effects.items()):
         key = f"effects.{name}"
         if name not in names():
             raise scene.error(key, f"there is no such effect{suggest(name, names())} (there are: {', '.join(names())})")
