@@ -31,6 +31,7 @@ from taichi_sand.world.tables import (
     box_type,
     pace_type,
     round_up,
+    site_rows,
 )
 from taichi_sand.world.wall_scene import SIDES, lay_walls, moving_walls
 
@@ -83,7 +84,7 @@ def most_of_a_colour(size: tuple[float, float], width: float) -> int:
 
 def most_summed(layout: str, sleeps: bool, cells: int, capacity: int, sites: tuple[int, int]) -> int:
     """Rows of the longest column that running sums are made of: of cells if they sort in parallel, of grains and sites if grains sleep."""
-    return max([1] + [cells + 2] * (layout == "cells") + [capacity, round_up(sites[0] * sites[1] + 2)] * sleeps)
+    return max([1] + [cells + 2] * (layout == "cells") + [capacity, site_rows(sites)] * sleeps)
 
 
 def mean_weight(scene: Any, pack: Pack) -> float:

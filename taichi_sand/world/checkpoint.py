@@ -13,7 +13,7 @@ import numpy as np
 
 from taichi_sand.scene.errors import SandError
 
-FORMAT = 5
+FORMAT = 6
 
 
 UNREADABLE = (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, NotImplementedError, RuntimeError, MemoryError)

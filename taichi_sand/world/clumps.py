@@ -11,6 +11,7 @@ import taichi as ti
 
 from taichi_sand.scene.shapes import Form
 from taichi_sand.world import fields
+from taichi_sand.world.tables import round_up, write_rows
 
 MOST = 64
 """More discs than this a grain cannot have: a pair keeps the numbers of both its discs in one whole number."""
@@ -19,19 +20,19 @@ MOST = 64
 class Shapes(NamedTuple):
     """Shape of the grains of each kind; lengths in units of a grain's radius, arms in the frame of the grain."""
 
-    start: Any  # first disc of each kind, shape (kinds + 1,), i32
+    start: Any  # first disc of each kind, shape (more than kinds + 1,), i32
     disc: Any  # arm x, y and radius, 3-vector
-    span: Any  # longest arm, shape (kinds,)
+    span: Any  # longest arm, shape (more than kinds,)
 
 
 def build_shapes(forms: Sequence[Form], real: Any) -> Shapes:
     """The table of the shapes of all kinds."""
-    numpy_real = np.float64 if real == ti.f64 else np.float32
     discs = np.concatenate([form.discs for form in forms])
-    table = Shapes(fields.scalars(ti.i32, len(forms) + 1), fields.vectors(3, real, len(discs)), fields.scalars(real, len(forms)))
-    table.start.from_numpy(np.cumsum([0] + [len(form.discs) for form in forms]).astype(np.int32))
-    table.disc.from_numpy(discs.astype(numpy_real))
-    table.span.from_numpy(np.array([form.span for form in forms], numpy_real))
+    rows = round_up(len(forms) + 1)
+    table = Shapes(fields.scalars(ti.i32, rows), fields.vectors(3, real, round_up(len(discs))), fields.scalars(real, rows))
+    write_rows(table.start, np.cumsum([0] + [len(form.discs) for form in forms]))
+    write_rows(table.disc, discs)
+    write_rows(table.span, np.array([form.span for form in forms]))
     return table
 
 

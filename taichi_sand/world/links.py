@@ -11,7 +11,7 @@ import taichi as ti
 
 from taichi_sand.world import fields
 from taichi_sand.world.geometry import mobility, velocity
-from taichi_sand.world.tables import CHUNK, STRIPS, round_up
+from taichi_sand.world.tables import CHUNK, STRIPS, round_up, write_rows
 
 
 class Links(NamedTuple):
@@ -52,22 +52,15 @@ def build_links(ends: np.ndarray | None, grains: Any, real: Any) -> Links | None
     inverse = np.where(grains.fixed, 0.0, 1 / grains.mass)
     both = inverse[ends].sum(axis=1)
     entries = 2 * np.arange(count)[:, None] + [0, 1]
-    put(links.ends, ends)
-    put(links.rest, np.hypot(way[:, 0], way[:, 1]))
-    put(links.whole, np.ones(count))
-    put(links.start, np.concatenate([[0], np.cumsum(many)]))
-    put(links.of, entries.ravel()[np.argsort(ends.ravel(), kind="stable")])
+    write_rows(links.ends, ends)
+    write_rows(links.rest, np.hypot(way[:, 0], way[:, 1]))
+    write_rows(links.whole, np.ones(count))
+    write_rows(links.start, np.concatenate([[0], np.cumsum(many)]))
+    write_rows(links.of, entries.ravel()[np.argsort(ends.ravel(), kind="stable")])
     links.count[None] = count
     links.give[None] = float((many[ends] * inverse[ends]).sum(axis=1).max())
     links.heaviest[None] = float((1 / np.maximum(both, 1e-30))[both > 0].max(initial=0.0))
     return links
-
-
-def put(field: Any, rows: np.ndarray) -> None:
-    """Writes the first rows of a field."""
-    whole = field.to_numpy()
-    whole[: len(rows)] = rows
-    field.from_numpy(whole)
 
 
 @ti.func

@@ -17,6 +17,7 @@ from taichi_sand.world import fields
 from taichi_sand.world.flags import WALL_PAIRS_FULL, WALL_WAITS, flag
 from taichi_sand.world.geometry import at_least, at_most, carried_along, perp
 from taichi_sand.world.ledger import drive
+from taichi_sand.world.tables import round_up, site_rows, write_rows
 
 UNIT = 1 << 16
 """Whole number that stands for a motor's full force: whole numbers can be summed in any order."""
@@ -37,8 +38,10 @@ BLUR = {"md": 20.0, "rigid": 1.0}
 
 
 class Movers(NamedTuple):
-    """Shape (moving walls,) unless said otherwise; `wide` numbers have 64 bits on a CPU."""
+    """Shape (more than moving walls,) unless said otherwise; `wide` numbers have 64 bits on a CPU."""
 
+    walls: Any  # 0-D i32: how many move
+    parts: Any  # 0-D i32: how many parts these have
     velocity: Any  # as the scene has it, as the next four: 2-vector [m/s], wide
     spin: Any  # [rad/s], wide
     pivot: Any  # 2-vector [m], wide
@@ -61,8 +64,8 @@ class Movers(NamedTuple):
     strain: Any  # its average [m]
     jam: Any  # 0-D: average at which a wall without a motor slows down [m]
     blur: Any  # 0-D: steps that are averaged over
-    wall: Any  # of every part of all walls: which moving wall it belongs to, -1 = none; shape (parts,), i32
-    part: Any  # of every part that moves, as the next three: its number; shape (moving parts,), i32
+    wall: Any  # of every part of all walls: which moving wall it belongs to, -1 = none; shape (more than parts,), i32
+    part: Any  # of every part that moves, as the next three: its number; shape (more than moving parts,), i32
     home: Any  # its point from the pivot, and its `along`, at time 0; 4-vector, wide
     bounds: Any  # as of walls.Part, at time 0
     side: Any  # as of walls.Part
@@ -72,21 +75,23 @@ class Movers(NamedTuple):
     count: Any  # 0-D i32: entries in use
 
 
-def allocate_movers(real: Any, wide: Any, walls: int, every: int, parts: int, sites: int, entries: int) -> Movers:
+def allocate_movers(real: Any, wide: Any, walls: int, every: int, parts: int, sites: tuple[int, int], entries: int) -> Movers:
     """Empty tables for so many moving walls, parts of all walls, parts that move, lattice sites and entries."""
+    walls, parts = round_up(walls), round_up(parts)
     pairs = {"velocity": wide, "pivot": wide, "amplitude": wide, "hinge": real}
     columns: dict[str, Any] = {name: fields.vectors(2, kind, walls) for name, kind in pairs.items()}
     columns |= {name: fields.vectors(4, real, walls) for name in ("start", "pose", "course", "twist")}
     columns |= {name: fields.scalars(wide, walls) for name in ("spin", "omega", "age")}
     columns |= {name: fields.scalars(real, walls) for name in ("lever", "power", "response", "since", "rate", "phase", "press", "strain")}
     columns |= {
+        **{name: fields.scalars(ti.i32, ()) for name in ("walls", "parts", "count")},
         "push": fields.scalars(ti.i32, walls),
         "jam": fields.scalars(real, ()),
         "blur": fields.scalars(real, ()),
         "wall": fields.scalars(ti.i32, every),
     }
     columns |= {"part": fields.scalars(ti.i32, parts), "side": fields.scalars(ti.i32, parts), "home": fields.vectors(4, wide, parts)}
-    columns |= {"bounds": fields.vectors(2, wide, parts), "head": fields.scalars(ti.i32, sites), "count": fields.scalars(ti.i32, ())}
+    columns |= {"bounds": fields.vectors(2, wide, parts), "head": fields.scalars(ti.i32, site_rows(sites))}
     columns |= {name: fields.scalars(ti.i32, entries) for name in ("next", "site")}
     return Movers(**columns)
 
@@ -109,13 +114,13 @@ def set_out(movers: Movers, walls: Sequence[Any], row_mass: Sequence[float]) -> 
         "head": np.full(movers.head.shape[0], -1),
     }
     for name, values in columns.items():
-        field = getattr(movers, name)
-        field.from_numpy(np.array(values).astype(field.to_numpy().dtype))
+        write_rows(getattr(movers, name), np.array(values))
+    movers.walls[None] = len(walls)
 
 
 def hours(movers: Movers) -> np.ndarray:
     """What the clock of each moving wall shows [s]."""
-    return movers.age.to_numpy().astype(float) + movers.since.to_numpy()
+    return (movers.age.to_numpy().astype(float) + movers.since.to_numpy())[: movers.walls[None]]
 
 
 @ti.func
@@ -137,7 +142,7 @@ def place_walls(w: ti.template(), ahead, lead):
     """Puts the moving walls where they are `ahead` of this step, 0 … 1, with the motion that they have at `lead` of it."""
     movers = ti.static(w.movers)
     if w.pace[None].spent == 0:
-        for m in range(movers.pose.shape[0]):
+        for m in range(movers.walls[None]):
             step = movers.rate[m] * w.pace[None].step
             time = movers.since[m] + ahead * step
             turn = ti.cast(movers.spin[m] * time, w.real)
@@ -173,7 +178,7 @@ def close_walls(w: ti.template()):
     """Ends a step: the clocks have gone on, and go on as what is in the way allows; notes how far walls are off their foreseen paths."""
     movers = ti.static(w.movers)
     pace = w.pace[None]
-    for m in range(movers.pose.shape[0]):
+    for m in range(movers.walls[None]):
         movers.since[m] += movers.rate[m] * pace.step
         if movers.power[m] > 0.0:
             push = ti.cast(movers.push[m], w.real) / UNIT
@@ -200,7 +205,7 @@ def held_up(w: ti.template()):
     """Whether grains are jammed in the way of a wall without a motor."""
     waits = False
     if ti.static(w.moves):
-        for m in range(w.movers.rate.shape[0]):
+        for m in range(w.movers.walls[None]):
             waits = waits or (w.movers.power[m] == 0.0 and w.movers.rate[m] < 1.0)
     return waits
 
@@ -210,7 +215,7 @@ def start_walls(w: ti.template()):
     """In a search: where the moving walls are is where they start from now. Returns their fastest point [m/s] and spin [rad/s]."""
     movers = ti.static(w.movers)
     fastest = ti.Vector([0.0, 0.0])
-    for m in range(movers.pose.shape[0]):
+    for m in range(movers.walls[None]):
         age = movers.age[m] + movers.since[m]
         turns = movers.omega[m] * age / (2 * ti.math.pi)
         phase = 2 * ti.math.pi * (turns - ti.floor(turns))
@@ -239,7 +244,7 @@ def cast_walls(w: ti.template(), sight):
         movers.head[movers.site[e]] = -1
     movers.count[None] = 0
     far = sight + 0.5 * box.spacing.norm()
-    for k in range(movers.part.shape[0]):
+    for k in range(movers.parts[None]):
         m = movers.wall[movers.part[k]]
         if m >= 0:
             angle = movers.spin[m] * movers.age[m]

@@ -15,7 +15,7 @@ import taichi as ti
 from taichi_sand.world import fields
 from taichi_sand.world.geometry import perp, spin, velocity
 from taichi_sand.world.sweep import block_count, pairs_awake
-from taichi_sand.world.tables import round_up
+from taichi_sand.world.tables import site_rows
 
 ASLEEP = 1e9
 """`still` of a sleeper [s]."""
@@ -66,7 +66,7 @@ def allocate_naps(real: Any, capacity: int, sites: tuple[int, int]) -> Naps:
     whole = {
         name: fields.scalars(ti.i32, capacity) for name in ("origin", "slot", "row_start", "row_count", "wall_row_start", "wall_row_count")
     }
-    count = round_up(sites[0] * sites[1] + 2)
+    count = site_rows(sites)
     return Naps(
         still=fields.scalars(real, capacity),
         mobility=fields.vectors(4, real, capacity),

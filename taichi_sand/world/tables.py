@@ -13,6 +13,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
 import taichi as ti
 
 from taichi_sand.world import fields
@@ -181,13 +182,25 @@ def box_type(real: Any) -> Any:
     )
 
 
-LEAST_ROOM = 1024
+LEAST_ROOM = 4096
 """Least room for cells, and for lattice sites and what is felt from them: so all small boxes are alike to kernels."""
 
 
 def round_up(count: int, least: int = 64) -> int:
     """Next power of two, at least `least`: sizes are part of the key of the compile cache, and fields of one size can be taken over."""
     return max(least, 1 << math.ceil(math.log2(max(count, 1))))
+
+
+def site_rows(sites: tuple[int, int]) -> int:
+    """Rows of a table of so many lattice sites along x and y, with one or two behind."""
+    return round_up(sites[0] * sites[1] + 2, LEAST_ROOM)
+
+
+def write_rows(field: Any, values: np.ndarray) -> None:
+    """The first rows of a field; zeros behind."""
+    whole = np.zeros_like(field.to_numpy())
+    whole[: len(values)] = values
+    field.from_numpy(whole)
 
 
 def allocate_grains(real: Any, rows: int, clumps: bool) -> Grains:

@@ -10,7 +10,7 @@ from taichi_sand.scene.packing import Pack
 from taichi_sand.world.movers import BLUR, HIT, JAMMED, TOLERANCES, Movers, allocate_movers, hours, set_out
 from taichi_sand.world.pairs import MOST_REACH
 from taichi_sand.world.rest import wake
-from taichi_sand.world.tables import World
+from taichi_sand.world.tables import World, write_rows
 from taichi_sand.world.walls import (
     Part,
     build_walls,
@@ -20,7 +20,6 @@ from taichi_sand.world.walls import (
     part_room,
     polyline_parts,
     renumber,
-    write_rows,
     write_walls,
 )
 
@@ -94,7 +93,7 @@ def build_movers(scene: Any, parts: list[Part], walls: Any, sites: tuple[int, in
     if not found:
         return None
     count, entries = sum(part.mover >= 0 for part in parts), walls.part.shape[0] - walls.room
-    movers = allocate_movers(real, real if gpu else ti.f64, len(found), part_room(walls.room, parts), count, sites[0] * sites[1], entries)
+    movers = allocate_movers(real, real if gpu else ti.f64, len(found), part_room(walls.room, parts), count, sites, entries)
     grain = (float(pack.mass.mean()), 2 * float(pack.size.mean())) if len(pack) else (0.0, 1.0)
     lengths = [np.hypot(*np.diff(moving.corners(wall), axis=0).T).sum() for wall in found]
     set_out(movers, found, [grain[0] * (1 + length / grain[1]) for length in lengths])
@@ -107,6 +106,7 @@ def write_parts(movers: Movers, parts: list[Part]) -> None:
     those = [(number, part) for number, part in enumerate(parts) if part.mover >= 0]
     pivots = movers.pivot.to_numpy()
     write_rows(movers.wall, np.array([part.mover for part in parts] + [-1] * (movers.wall.shape[0] - len(parts))))
+    movers.parts[None] = len(those)
     write_rows(movers.part, np.array([number for number, _ in those]))
     write_rows(movers.home, np.array([[*(part.point - pivots[part.mover]), *part.along] for _, part in those]))
     write_rows(movers.bounds, np.array([part.bounds for _, part in those]))

@@ -12,7 +12,7 @@ import numpy as np
 import taichi as ti
 
 from taichi_sand.world import fields
-from taichi_sand.world.tables import LEAST_ROOM, round_up
+from taichi_sand.world.tables import LEAST_ROOM, round_up, site_rows, write_rows
 
 FAR = 1e30
 ENTRIES_PER_PART = 8
@@ -126,7 +126,7 @@ def moving_entries(parts: list[Part], spacing: tuple[float, float], reach: float
     """How many lattice sites the moving parts can be felt from at most: those in the rounded strips around them."""
     wide = reach + np.hypot(*spacing)
     lengths = [part.bounds[1] if part.side != -1 else 0.0 for part in parts if part.mover >= 0]
-    return round_up(int(sum(2 * wide * length + np.pi * wide**2 for length in lengths) / np.prod(spacing))) if lengths else 0
+    return round_up(int(sum(2 * wide * length + np.pi * wide**2 for length in lengths) / np.prod(spacing)), LEAST_ROOM) if lengths else 0
 
 
 def build_walls(parts: list[Part], spacing: tuple[float, float], sites: tuple[int, int], reach: float, real: Any, room: int) -> Walls:
@@ -138,7 +138,7 @@ def build_walls(parts: list[Part], spacing: tuple[float, float], sites: tuple[in
     rows = room + moving_entries(parts, spacing, reach)
     rough = any(part.friction >= 0 for part in parts)
     table = Walls(
-        start=fields.scalars(ti.i32, round_up(len(entries[0]), LEAST_ROOM)),
+        start=fields.scalars(ti.i32, site_rows(sites)),
         part=fields.scalars(ti.i32, rows),
         point=fields.vectors(2, real, rows),
         along=fields.vectors(2, real, rows),
@@ -170,13 +170,6 @@ def write_walls(table: Walls, parts: list[Part], entries: list[np.ndarray]) -> N
         write_rows(field, values)
     if table.rough:
         write_rows(table.friction, np.array([part.friction for part in parts]))
-
-
-def write_rows(field: Any, values: np.ndarray) -> None:
-    """The first rows of a field; zeros behind."""
-    whole = np.zeros_like(field.to_numpy())
-    whole[: len(values)] = values
-    field.from_numpy(whole)
 
 
 def renumber(before: list[Part], after: list[Part]) -> np.ndarray:
