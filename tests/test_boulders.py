@@ -71,6 +71,7 @@ def test_only_few_are_boulders() -> None:
     """Sizes that only spread go into cells together, and a world without boulders has no room for them."""
     sim = pour("rigid", [SMALL])
     assert sim.world.boulders == 0 and sim.world.blocks.pair_start.shape == (1,)
+    del sim
     half = {"radius": 0.016, "count": 150, "region": [0.0, 0.32, 1.0, 0.6], "fill": "lattice"}
     sim = pour("rigid", [{**SMALL, "count": 1000}, half])
     assert sim.world.boulders == 0 and sim.world.box[None].listed == pytest.approx(0.032, rel=1e-6)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import digest, fresh_taichi, simulate
+from helpers import digest, simulate
 
 import taichi_sand as sand
 from taichi_sand.world import checkpoint
@@ -32,7 +32,7 @@ def test_resumed_equals_uninterrupted(kind: str, tmp_path: Path) -> None:
     sim.save(tmp_path / "half.npz")
     sim.advance_steps(second)
     expected, lost, time = digest(sim), sim.lost, sim.time
-    fresh_taichi()
+    del sim
     resumed = sand.Simulation.resume(tmp_path / "half.npz", threads=1)
     assert resumed.steps == first
     resumed.advance_steps(second)
@@ -53,6 +53,7 @@ def test_saving_changes_nothing(tmp_path: Path) -> None:
                 sim.report()
                 assert np.isfinite(sim.positions).all()
         digests.append(digest(sim))
+        del sim
     assert digests[0] == digests[1]
 
 
@@ -94,6 +95,7 @@ def test_wrong_checkpoint_is_refused(how: str, tmp_path: Path) -> None:
         sim = make("rigid")
         sim.save(path)
         path.write_bytes(damage(path.read_bytes(), how))
+        del sim
     with pytest.raises(sand.SandError) as caught:
         sand.Simulation.resume(path, threads=1)
     assert "state.npz" in str(caught.value) and "\n" not in str(caught.value)

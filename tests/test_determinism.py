@@ -26,10 +26,9 @@ def run(name, grains, size, solver, steps, **keys):
     found[name] = [sim.world.layout, sim.steps, sim.flags(), digest(sim)]
 
 found = {}
-funnel = {"walls": WALLS, "edges": {"bottom": "open"}, "mu": 0.5, "seed": 1}
+funnel = {"walls": WALLS, "edges": {"bottom": "open", "left": "periodic", "right": "periodic"}, "mu": 0.5, "seed": 1}
 for kind, steps in (("rigid", 1500), ("md", 6000)):
     run(kind + " funnel", [LOOSE], (0.6, 0.9), {"kind": kind}, steps, **funnel)
-    run(kind + " periodic", [LOOSE], (0.6, 0.9), {"kind": kind}, steps, mu=0.3, edges={"left": "periodic", "right": "periodic"})
     run(kind + " strips", [DENSE, BOULDER], (0.6, 0.3), {"kind": kind}, 60, effects={"friction": {}, "bonds": {"strength": 20}})
 print(json.dumps(found))
 """
@@ -54,7 +53,7 @@ def runs() -> dict[int, dict]:
     return found
 
 
-@pytest.mark.parametrize("case", ["funnel", "periodic", "strips"])
+@pytest.mark.parametrize("case", ["funnel", "strips"])
 @pytest.mark.parametrize("kind", ["rigid", "md"])
 def test_threads_do_not_matter(runs: dict[int, dict], kind: str, case: str) -> None:
     """design.md 4 and 7: bit for bit the same for 1 and 2 threads, in one block and in strips."""

@@ -110,6 +110,7 @@ def test_lone_fast_disc_meets_the_walls(kind: str, gravity: tuple[float, float])
         assert (x > 0).all() and (x < SIZE).all()
         assert (x[x[:, 0] < 0.1, 1] > 0.05).all()
     assert sim.flags() == []
+    del sim
     single = simulate([{"positions": rows[:1]}], SIZE, {**solver, "restitution": 1.0}, gravity=gravity, walls=[wall])
     single.advance(0.05)
     assert single.flags() == [] and single.positions[0, 1] > 0.05

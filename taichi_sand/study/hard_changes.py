@@ -59,6 +59,7 @@ def not_a_number(solver: dict[str, Any]) -> Iterator[Gate]:
         results.append((sim.positions.tobytes(), sim.velocities.tobytes()))
         yield from sound(sim, 301)
         yield Gate("bad grain not named", float(bad and not any("grain 300" in flag for flag in sim.flags())), 0.0)
+        del sim
     yield Gate("other bits than where it is stopped by hand", float(results[0] != results[1]), 0.0)
 
 

@@ -118,6 +118,7 @@ def collapse(solver: dict[str, Any]) -> Iterator[Gate]:
         watch = Watch(sim, drop=0.0, speed=1.0)
         watch.run(2.0)
         yield from watch.bounded()
+        del sim, watch
 
 
 @case("few", "no grain, one, two (C20)")
@@ -127,6 +128,7 @@ def few(solver: dict[str, Any]) -> Iterator[Gate]:
         sim = simulate([Disc(0.1 + k * D, 0.05) for k in range(count)], (0.3, 0.2), solver, gravity=DOWN, mu=0.5)
         sim.advance(0.5)
         yield Gate("grains lost", count - inside(sim), 0.0)
+        del sim
 
 
 @case("corners", "discs in the corners and on the edges, half outside (C21)")

@@ -37,6 +37,7 @@ def squeeze(solver: dict[str, Any]) -> Iterator[Gate]:
             yield Gate("force on the piston off its own", abs(sum(pushes) / force - 1), 0.02)
         else:
             yield Gate("stall not told", float(not any("held up" in flag for flag in sim.flags())), 0.0)
+        del sim
 
 
 def piston_at(sim: Any) -> float:

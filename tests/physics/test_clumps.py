@@ -151,6 +151,7 @@ def test_static_threshold(name: str) -> None:
             assert moved == pytest.approx(v * 0.4 + pull * 0.4**2 / 2, rel=0.02)
         else:
             assert abs(moved) < 1e-4 * D and abs(sim.velocities[0, 0]) < 1e-6
+        del sim
     v0 = 1.0
     thrown = {"shape": "2x1", "positions": [[0.1, R, R, v0, 0.0]]}
     sim = make([thrown], (1.0, 0.1), SOLVERS[name], gravity=(0, -G), effects={"friction": {"mu": mu}})

@@ -36,6 +36,7 @@ def test_pull_off_force(name: str) -> None:
         sim.advance(0.3)
         sunk = (0.08 - D - sim.positions[1, 1]) / D
         assert abs(sunk) < 1e-3 if hangs else sunk > 1
+        del sim
 
 
 @pytest.mark.parametrize("name", SOLVERS)
@@ -47,6 +48,7 @@ def test_energy_to_tear(name: str) -> None:
         sim.advance(0.05)
         left = float(np.diff(sim.velocities[:, 0])[0])
         assert M / 4 * (speed**2 - left**2) == pytest.approx(loss, rel=0.05, abs=1e-9)
+        del sim
 
 
 @pytest.mark.parametrize("name", SOLVERS)
@@ -58,6 +60,7 @@ def test_capture_speed(name: str) -> None:
         sim.advance(0.2)
         apart = (sim.positions[1, 0] - sim.positions[0, 0]) / D - 1
         assert apart < RUPTURE if sticks else apart > 2 * RUPTURE
+        del sim
 
 
 def test_a_wet_heap_comes_to_rest() -> None:

@@ -108,4 +108,5 @@ def test_galilean_pile_at_rest() -> None:
         sim = simulate([Disc(x, 0.05)], (10.2, 0.1), {**MD, "step": T_C / 20}, gravity=(0, -G))
         sim.advance(0.15)
         heights.append(sim.positions[0, 1])
+        del sim
     assert heights[0] == pytest.approx(heights[1], abs=1e-10 * D)

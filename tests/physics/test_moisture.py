@@ -79,3 +79,4 @@ def test_sleepers_wake_when_their_bridges_dry() -> None:
             assert sim.report()["grains_asleep"] == 0
         sim.advance(1.5)
         assert sim.positions[1, 1] < 0.08 - 2 * D
+        del sim

@@ -45,6 +45,7 @@ def test_rolling_threshold(name: str) -> None:
             assert moved > 0.9 * fall * (1.0**2 - 0.5**2) / 2 and abs(sim.spins[0]) > 0.1
         else:
             assert abs(moved) < 1e-3 * D and abs(sim.spins[0]) < 1e-3
+        del sim
 
 
 @pytest.mark.parametrize("name", SOLVERS)
@@ -59,6 +60,7 @@ def test_drag(name: str) -> None:
     for time in (0.1, 0.3, 0.8):
         sim.advance(time - sim.time)
         assert sim.velocities[0, 1] == pytest.approx(-terminal * math.tanh(G * time / terminal), rel=5e-3)
+    del sim
     sim = simulate([Disc(0.1, 0.5)], (1.0, 2.0), step, effects={"drag": {**drag, "wind_x": wind}})
     sim.advance(0.1)
     assert sim.velocities[0, 0] == pytest.approx(wind**2 * k * 0.1 / (1 + wind * k * 0.1), rel=5e-3)

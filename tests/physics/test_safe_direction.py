@@ -30,3 +30,4 @@ def test_the_momentum_that_is_violated(variant: str) -> None:
             assert taken[0] == pytest.approx(share * M * 0.2, abs=0.05 * M * 0.2)
         else:
             assert np.hypot(*taken) > 0.01 * M * 0.3
+        del sim
