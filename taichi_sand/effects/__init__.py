@@ -5,7 +5,8 @@ SLEEPS = True (it lets grains sleep), NEUTRAL (values at which it does nothing),
 pair it needs, carried(values), names of the columns that follow a grain (w.carried.name) with what a grain starts with, reach(values),
 how far apart grains act on one another, in mean diameters, links(values, grains), which grains of a scene.packing.Pack it ties together,
 (n, 2), longest_step(values, world), up to which it is stable [s], pull(values), by which it holds grains together at most, in weights of
-a mean grain, and misfit(scene), why it does not fit a scene, or "".
+a mean grain, push(values, world), the acceleration that it gives grains besides gravity [m/s2], and misfit(scene), why it does not fit a
+scene, or "".
 build(values, columns, solver) makes the object whose methods are the hooks. HOOKS is the closed list of them; all but `between` are
 ti.funcs that the solver folds into its own kernels. Their argument w is the world, c the numbers of the solver and the live parameters
 (`mu` of friction is c.friction_mu), p a row of the pair table.
@@ -173,11 +174,12 @@ def structure(tables: Mapping[str, Any], grains: Any) -> dict[str, Any]:
 
 
 def bed(tables: Mapping[str, Any], world: Any) -> dict[str, float]:
-    """What the dial must know of these effects, as fields of solvers.tolerance.Bed: the longest step that they allow, and their pull."""
+    """What the dial must know of these effects, as fields of solvers.tolerance.Bed: the longest step that they allow, their pull and push."""
     found = [(module(name), values) for name, values in tables.items()]
     steps = (effect.longest_step(values, world) for effect, values in found if hasattr(effect, "longest_step"))
     pulls = (effect.pull(values) for effect, values in found if hasattr(effect, "pull"))
-    return {"longest_step": min(steps, default=math.inf), "pull": sum(pulls)}
+    pushes = (effect.push(values, world) for effect, values in found if hasattr(effect, "push"))
+    return {"longest_step": min(steps, default=math.inf), "pull": sum(pulls), "push": sum(pushes)}
 
 
 def build(name: str, values: dict[str, Any], memory: Sequence[Any], kind: str) -> Any:

@@ -9,6 +9,7 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.scene.parameters import Parameter
+from taichi_sand.world.build import EARTH
 from taichi_sand.world.geometry import velocity, wrench
 
 PARAMETERS = (
@@ -31,6 +32,13 @@ class Drag:
         stream = ti.Vector([c.drag_wind_x, c.drag_wind_y]) - velocity(w, i)
         slope = c.drag_density * c.drag_coefficient * w.grains.radius[i] * stream.norm()
         return wrench(slope / (1.0 + c.step * slope * w.grains.mobility[i].x) * stream, 0.0)
+
+
+def push(values: dict[str, Any], world: Any) -> float:
+    """Acceleration that the wind gives a mean grain at rest [m/s2]."""
+    box = world.box[None]
+    mass = box.weight / (float(box.gravity.norm()) or EARTH)
+    return values["density"] * values["coefficient"] * box.diameter / 2 * (values["wind_x"] ** 2 + values["wind_y"] ** 2) / mass
 
 
 def build(values: dict[str, Any], columns: tuple, solver: str) -> Drag:

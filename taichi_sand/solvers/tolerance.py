@@ -84,6 +84,7 @@ class Bed:
     drop: float = 0.0  # that a grain can fall at most [m]
     clumps: bool = False  # whether there are grains of several discs
     pull: float = 0.0  # of effects that hold grains together, in weights of a mean grain
+    push: float = 0.0  # acceleration that effects give a grain besides gravity [m/s2]
     strain: float = 1.0  # by how much more contacts have been found to bear than all that explains
     late: int = 0  # looks in turn that have found so
 
@@ -95,6 +96,11 @@ class Bed:
         if self.late + 1 < LOOKS:
             return replace(self, late=self.late + 1)
         return replace(self, late=0, strain=min(MOST_STRAIN, STIFFER * 2 ** (level - 1) * self.strain))
+
+    @property
+    def pressing(self) -> float:
+        """What a grain presses with on those below or behind it, over its mass [m/s2]."""
+        return self.gravity + self.push
 
     @property
     def squeeze(self) -> float:
@@ -211,7 +217,7 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     solver = scene.solver
     alpha, beta = {"linear": (0.0, 1.0), "hertz": (0.25, 1.5)}.get(solver.law, (solver.alpha, solver.beta))
     overlap = solver.tolerance * bed.diameter
-    pressed = MD_CHAINS * (bed.load * bed.gravity + bed.mass * bed.squeeze) * bed.strain
+    pressed = MD_CHAINS * (bed.load * bed.pressing + bed.mass * bed.squeeze) * bed.strain
     rest = pressed / overlap
     impact = 0.5 * bed.mass * (bed.speed / (math.sqrt(solver.tolerance) * bed.diameter)) ** 2
     stiffness = solver.stiffness or max(rest, impact) or 1e4 * bed.mass
@@ -260,7 +266,7 @@ def _check_step(scene: Any, key: str, step: float, bed: Bed) -> None:
 def rigid_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     """Numbers of solvers.rigid.constants_type, and the speed cap [m/s]. SandError if the scene asks for an unstable step."""
     solver = scene.solver
-    weight = max(RIGID_LOAD * (bed.depth * bed.gravity + bed.squeeze) * bed.strain, 1e-12)
+    weight = max(RIGID_LOAD * (bed.depth * bed.pressing + bed.squeeze) * bed.strain, 1e-12)
     flight = math.sqrt(solver.tolerance) * bed.diameter / max(bed.speed, 1e-12)
     followed = FALL * FASTEST * bed.diameter / max(math.sqrt(bed.speed**2 + 2 * bed.gravity * bed.drop), 1e-12)
     step = min(SAG * math.sqrt(solver.tolerance * bed.diameter / weight), flight, followed, LONGEST_STEP, bed.longest_step)
@@ -287,7 +293,7 @@ def rigid_numbers(scene: Any, bed: Bed) -> dict[str, float]:
         "mass_scale": a2 / (1 + a2),
         "impulse_scale": 1 / (1 + a2),
         "bias_rate": omega / a1,
-        "push_cap": PUSH * unit if unit > 0 else bed.diameter,
+        "push_cap": PUSH * math.sqrt(bed.pressing * bed.diameter) if bed.pressing > 0 else bed.diameter,
         "restitution": solver.restitution,
         "threshold": max(IMPACT * unit, 4 * bed.gravity * step),
         "reference_rate": 1 / reference_steps,
