@@ -22,7 +22,8 @@ PAGE = 2**20
 LONGEST = 180.0
 """Time in which the window must have done all that it was told [s]: other effects and solvers are compiled."""
 BEHIND = 1.0
-"""Where the window has shown nothing for so long [s], the monkey waits for it, as what it is told piles up while something is compiled."""
+"""Where the window has shown nothing for so long [s], the monkey waits for it, as what it is told piles up while something is compiled;
+then it catches up."""
 
 
 def memory(window: Playing) -> float:
@@ -73,7 +74,7 @@ def play(window: Playing, seconds: float, keys: list[str], seed: int = 1) -> dic
             raise AssertionError(f"the window closed with {window.process.returncode}: {window.process.stderr.read()}")
         third = int(3 * passed / seconds)
         peaks[third] = max(peaks[third], memory(window))
-        time.sleep(max(0.0, 1 / PER_SECOND - (time.monotonic() - start - passed)))
+        time.sleep(max(0.0, start + events / PER_SECOND - time.monotonic()))
     window.to(0.5, 0.5)
     window.fresh(LONGEST)
     return {**window.now, "events": events, "peaks": [round(peak) for peak in peaks], "grown": peaks[2] - peaks[0]}

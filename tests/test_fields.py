@@ -9,8 +9,8 @@ from helpers import D, Disc, G, R, digest, fresh_taichi, simulate
 
 import taichi_sand as sand
 from taichi_sand.measure.report import cost
-from taichi_sand.play.window import compiled
-from taichi_sand.world import fields
+from taichi_sand.world import device, fields
+from taichi_sand.world.device import compiled
 
 KINDS = {
     "md": {"shape": "triangle", "effects": {"friction": {"mu": 0.5}, "heat": {"conduction": 10.0}}},
@@ -34,7 +34,7 @@ def end_of(scene: sand.Scene) -> tuple[str, dict]:
 @pytest.mark.parametrize("kind", ["md", "rigid"])
 def test_nothing_of_the_one_before_is_left(kind: str) -> None:
     """A scene gives the same bits and report in fields that others have had, and nothing is compiled for it."""
-    fresh_taichi()
+    device.forget()
     first = end_of(heap(kind, **KINDS[kind]))
     end_of(heap(kind, "disc", {}))  # asks for other fields
     end_of(heap(kind, **KINDS[kind], velocity=(0.5, 0.0)))  # in those of the first

@@ -17,6 +17,7 @@ from taichi_sand.play.recording import Recorder
 from taichi_sand.play.screen import Screen, picture_width
 from taichi_sand.play.session import Session
 from taichi_sand.scene.errors import SandError
+from taichi_sand.world.device import compiled
 
 MEASURE, REPORT = 0.25, 0.1
 """Time between two measurements [s], for the eye and for a report."""
@@ -201,11 +202,6 @@ class Window:
         }
         self.report.write(as_line(state) + "\n")
         self.report.flush()
-
-
-def compiled() -> int:
-    """Kernels compiled since Taichi was started."""
-    return ti.lang.impl.get_runtime().get_num_compiled_functions()
 
 
 def check_display() -> None:

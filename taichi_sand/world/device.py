@@ -18,6 +18,8 @@ from taichi_sand.world.haste import hasten
 ARCHES = ("cpu", "cuda", "vulkan", "metal", "gpu")
 ROOM = 500_000_000
 """Numbers that fields may hold before Taichi is started afresh: it frees no field on its own."""
+MOST_KERNELS = 250
+"""Kernels that may be compiled before it is, those of some seven structures: each takes more than a megabyte."""
 
 alive: weakref.WeakSet = weakref.WeakSet()
 state: dict[str, Any] = {"key": None}
@@ -34,7 +36,7 @@ def start(user: Any, arch: str, threads: int | None, precision: int) -> None:
     threads = threads or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else threads or os.cpu_count()
     key = (arch, threads, precision)
     gc.collect()
-    if state["key"] != key or (fields.shelf.numbers > ROOM and not alive):
+    if state["key"] != key or (not alive and (fields.shelf.numbers > ROOM or compiled() > MOST_KERNELS)):
         if alive:
             raise SandError(
                 f"a simulation on {state['key'][0]} with {state['key'][1]} threads and {state['key'][2]} bits is still in use; "
@@ -43,6 +45,11 @@ def start(user: Any, arch: str, threads: int | None, precision: int) -> None:
         launch(arch, threads, precision)
         state["key"] = key
     alive.add(user)
+
+
+def compiled() -> int:
+    """Kernels compiled since Taichi was started."""
+    return ti.lang.impl.get_runtime().get_num_compiled_functions()
 
 
 def on_gpu() -> bool:
