@@ -114,10 +114,10 @@ def light_to_heavy(solver: dict[str, Any]) -> Iterator[Gate]:
 
 @case("asleep", "a pile of 300 discs falls asleep, does not move a bit, and wakes when gravity turns (C15)")
 def asleep(solver: dict[str, Any]) -> Iterator[Gate]:
-    """C15."""
+    """C15. A disc that lies loose on the floor may roll on for seconds, without rolling resistance, and keeps those around it awake."""
     sim = poured(300, 0.3, 0.4, solver, effects={"friction": {"mu": 0.5}, "sleeping": {}})
     watch = Watch(sim, drop=0.4)
-    watch.run(6.0, every=0.1)
+    watch.run(10.0, every=0.1)
     before = sim.positions
     yield Gate("share awake", 1 - watch.last["grains_asleep"] / 300, 0.02)
     sim.advance(5.0)
