@@ -9,7 +9,7 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.scene.parameters import Parameter
-from taichi_sand.world.build import EARTH
+from taichi_sand.world.build import EARTH, WEAKEST
 from taichi_sand.world.geometry import velocity, wrench
 
 PARAMETERS = (
@@ -37,7 +37,8 @@ class Drag:
 def push(values: dict[str, Any], world: Any) -> float:
     """Acceleration that the wind gives a mean grain at rest [m/s2]."""
     box = world.box[None]
-    mass = box.weight / (float(box.gravity.norm()) or EARTH)
+    strength = float(box.gravity.norm())
+    mass = box.weight / (strength if strength > WEAKEST else EARTH)
     return values["density"] * values["coefficient"] * box.diameter / 2 * (values["wind_x"] ** 2 + values["wind_y"] ** 2) / mass
 
 

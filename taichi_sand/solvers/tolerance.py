@@ -61,6 +61,8 @@ not seen to come to, is taken out by and by: they touch where they are, and thei
 (physics.md C6). Of ten that start in one place those at the ends of a row part seven times as fast."""
 MEANT = 0.25
 """Md: who gives the stiffness of contacts means what is pressed together at the start by less than this, in d (physics.md A12)."""
+SOFTEST, UNLOADED = 1.0, 1e4
+"""Md: least stiffness over the mass of a mean grain, and that where nothing presses and nothing moves [1/s2]."""
 EARTH = 9.81  # m/s2, where a scene has no gravity to measure speeds by
 
 WINDOW = 16
@@ -220,7 +222,8 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     pressed = MD_CHAINS * (bed.load * bed.pressing + bed.mass * bed.squeeze) * bed.strain
     rest = pressed / overlap
     impact = 0.5 * bed.mass * (bed.speed / (math.sqrt(solver.tolerance) * bed.diameter)) ** 2
-    stiffness = solver.stiffness or max(rest, impact) or 1e4 * bed.mass
+    needed = max(rest, impact)
+    stiffness = solver.stiffness or bed.mass * (max(SOFTEST, needed / bed.mass) if needed else UNLOADED)
     k_r = solver.k_r if solver.k_r is not None else stiffness * overlap ** (1 - beta)
     stiffness = k_r * overlap ** (beta - 1)
     weighted = solver.k_d is None

@@ -102,3 +102,16 @@ def storm(solver: dict[str, Any]) -> Iterator[Gate]:
     yield Gate("centre beyond the wall / d", beyond / D, 0.5)
     yield Gate("grains lost", 2 - sim.report()["grains"], 0.0)
     yield Gate("overlap max / tolerance", sim.report()["overlap_max"] / solver["tolerance"], 1.0)
+
+
+@case("faint", "a bar of two discs in a breeze, and with a gravity, that 32 bits cannot tell from none")
+def faint(solver: dict[str, Any]) -> Iterator[Gate]:
+    """Found by fuzzing, md: contacts as soft as what presses is weak asked for steps without end."""
+    for gravity, wind in ((0.0, 1e-45), (1e-300, 0.0)):
+        grains = [{"shape": "2x1", "positions": [[0.1, 0.1, R]]}]
+        sim = simulate(grains, (0.2, 0.2), solver, gravity=(0.0, -gravity), effects={"drag": {"wind_x": wind}})
+        sim.advance_steps(100)
+        report = sim.report()
+        yield Gate("numbers that are not finite", float(not np.isfinite([sim.time, report["potential_energy_J"]]).all()), 0.0)
+        yield Gate("moved / d", float(np.abs(sim.positions[0] - 0.1).max()) / D, 1e-6)
+        del sim

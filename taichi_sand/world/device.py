@@ -18,8 +18,8 @@ from taichi_sand.world.haste import hasten
 ARCHES = ("cpu", "cuda", "vulkan", "metal", "gpu")
 ROOM = 500_000_000
 """Numbers that fields may hold before Taichi is started afresh: it frees no field on its own."""
-MOST_KERNELS = 250
-"""Kernels that may be compiled before it is, those of some seven structures: each takes more than a megabyte."""
+MOST_KERNELS = 200
+"""Kernels that may be compiled before it is, those of some six structures: each takes more than a megabyte."""
 
 alive: weakref.WeakSet = weakref.WeakSet()
 state: dict[str, Any] = {"key": None}
