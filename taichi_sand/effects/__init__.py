@@ -5,8 +5,8 @@ SLEEPS = True (it lets grains sleep), NEUTRAL (values at which it does nothing),
 pair it needs, carried(values), names of the columns that follow a grain (w.carried.name) with what a grain starts with, reach(values),
 how far apart grains act on one another, in mean diameters, links(values, grains), which grains of a scene.packing.Pack it ties together,
 (n, 2), longest_step(values, world), up to which it is stable [s], pull(values), by which it holds grains together at most, in weights of
-a mean grain, push(values, world), the acceleration that it gives grains besides gravity [m/s2], and misfit(scene), why it does not fit a
-scene, or "".
+a mean grain, push(values, world), by which it presses a mean grain against others at most [N], and misfit(scene), why it does not fit
+a scene, or "".
 build(values, columns, solver) makes the object whose methods are the hooks. HOOKS is the closed list of them; all but `between` are
 ti.funcs that the solver folds into its own kernels. Their argument w is the world, c the numbers of the solver and the live parameters
 (`mu` of friction is c.friction_mu), p a row of the pair table.

@@ -9,7 +9,6 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.scene.parameters import Parameter
-from taichi_sand.world.build import EARTH, WEAKEST
 from taichi_sand.world.geometry import velocity, wrench
 
 PARAMETERS = (
@@ -35,11 +34,8 @@ class Drag:
 
 
 def push(values: dict[str, Any], world: Any) -> float:
-    """Acceleration that the wind gives a mean grain at rest [m/s2]."""
-    box = world.box[None]
-    strength = float(box.gravity.norm())
-    mass = box.weight / (strength if strength > WEAKEST else EARTH)
-    return values["density"] * values["coefficient"] * box.diameter / 2 * (values["wind_x"] ** 2 + values["wind_y"] ** 2) / mass
+    """Force of the wind on a mean grain at rest [N]."""
+    return values["density"] * values["coefficient"] * world.box[None].diameter / 2 * (values["wind_x"] ** 2 + values["wind_y"] ** 2)
 
 
 def build(values: dict[str, Any], columns: tuple, solver: str) -> Drag:

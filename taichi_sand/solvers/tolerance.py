@@ -53,18 +53,14 @@ FALL = 0.9
 PUSH, IMPACT = 0.5, 0.3
 """Rigid: fastest separation of two overlapping grains, and slowest impact, in sqrt(g d) (physics.md D5). Of ten in one place those at the
 ends of a row part nearly twice as fast."""
-
-
 YIELD, GROW = 0.4, 0.12
 """Md: an overlap that would part two grains faster than YIELD sqrt(g d), that the weight of the bed does not explain, and that they were
 not seen to come to, is taken out by and by: they touch where they are, and their surfaces grow to the radii they have with GROW sqrt(g d)
 (physics.md C6). Of ten that start in one place those at the ends of a row part seven times as fast."""
 MEANT = 0.25
 """Md: who gives the stiffness of contacts means what is pressed together at the start by less than this, in d (physics.md A12)."""
-SOFTEST, UNLOADED = 1.0, 1e4
-"""Md: least stiffness over the mass of a mean grain, and that where nothing presses and nothing moves [1/s2]."""
+SOFTEST = 1.0  # md: least stiffness over the mass of a mean grain [1/s2]
 EARTH = 9.81  # m/s2, where a scene has no gravity to measure speeds by
-
 WINDOW = 16
 """Diameters across which the depth of a bed is averaged."""
 PACKING = 0.84
@@ -86,7 +82,7 @@ class Bed:
     drop: float = 0.0  # that a grain can fall at most [m]
     clumps: bool = False  # whether there are grains of several discs
     pull: float = 0.0  # of effects that hold grains together, in weights of a mean grain
-    push: float = 0.0  # acceleration that effects give a grain besides gravity [m/s2]
+    push: float = 0.0  # of effects that press grains against others, as weight does [N]
     strain: float = 1.0  # by how much more contacts have been found to bear than all that explains
     late: int = 0  # looks in turn that have found so
 
@@ -102,7 +98,7 @@ class Bed:
     @property
     def pressing(self) -> float:
         """What a grain presses with on those below or behind it, over its mass [m/s2]."""
-        return self.gravity + self.push
+        return self.gravity + self.push / self.mass
 
     @property
     def squeeze(self) -> float:
@@ -222,8 +218,7 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     pressed = MD_CHAINS * (bed.load * bed.pressing + bed.mass * bed.squeeze) * bed.strain
     rest = pressed / overlap
     impact = 0.5 * bed.mass * (bed.speed / (math.sqrt(solver.tolerance) * bed.diameter)) ** 2
-    needed = max(rest, impact)
-    stiffness = solver.stiffness or bed.mass * (max(SOFTEST, needed / bed.mass) if needed else UNLOADED)
+    stiffness = solver.stiffness or (max(rest, impact, SOFTEST * bed.mass) if rest or impact else 1e4 * bed.mass)
     k_r = solver.k_r if solver.k_r is not None else stiffness * overlap ** (1 - beta)
     stiffness = k_r * overlap ** (beta - 1)
     weighted = solver.k_d is None
@@ -296,7 +291,7 @@ def rigid_numbers(scene: Any, bed: Bed) -> dict[str, float]:
         "mass_scale": a2 / (1 + a2),
         "impulse_scale": 1 / (1 + a2),
         "bias_rate": omega / a1,
-        "push_cap": PUSH * math.sqrt(bed.pressing * bed.diameter) if bed.pressing > 0 else bed.diameter,
+        "push_cap": max(PUSH * math.sqrt(bed.pressing * bed.diameter), 0.0 if bed.gravity else bed.diameter),
         "restitution": solver.restitution,
         "threshold": max(IMPACT * unit, 4 * bed.gravity * step),
         "reference_rate": 1 / reference_steps,

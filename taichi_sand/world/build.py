@@ -37,7 +37,7 @@ from taichi_sand.world.wall_scene import SIDES, lay_walls, moving_walls
 
 STRIPS_FROM = 30_000
 """Grains from which a sweep pays for being cut into strips: handing out a parallel loop costs as much as some thousand pairs."""
-EARTH, WEAKEST = 9.81, 1e-20  # m/s2
+EARTH = 9.81  # m/s2
 CELLS_PER_GRAIN = 4
 SITES_PER_GRAIN = 4
 
@@ -88,9 +88,9 @@ def most_summed(layout: str, sleeps: bool, cells: int, capacity: int, sites: tup
 
 
 def mean_weight(scene: Any, pack: Pack) -> float:
-    """Mean weight of the grains that can move [N]; on earth where there is no gravity that 32 bits could tell from none."""
-    free, strength = pack.mass[~pack.fixed], math.hypot(*scene.gravity)
-    return (strength if strength > WEAKEST else EARTH) * (float(free.mean()) if len(free) else 0.0)
+    """Mean weight of the grains that can move [N]; on earth where there is no gravity."""
+    free = pack.mass[~pack.fixed]
+    return (math.hypot(*scene.gravity) or EARTH) * (float(free.mean()) if len(free) else 0.0)
 
 
 def lengths_of(scene: Any, pack: Pack, reach: float, sleeps: bool) -> tuple[dict[str, float], int]:

@@ -165,12 +165,13 @@ def feel(w: ti.template(), s: ti.template(), c: ti.template(), p, distance, norm
         movers = ti.static(w.movers)
         m = movers.wall[w.pairs.second[p]]
         if m >= 0 and force.x > 0.0:
-            to = carried_along(w, p, w.pairs.first[p], m, distance, normal, movers.course[m])
-            ti.atomic_max(movers.press[m], press * at_least(0.0, -to.dot(normal)) / at_least(1e-9, to.norm()))
             if movers.power[m] > 0.0:
                 v = ti.cast(movers.velocity[m], w.real)
                 taken = -(force.x * v.dot(normal) + force.y * v.dot(perp(normal))) / movers.power[m]
                 ti.atomic_add(movers.push[m], ti.cast(ti.round(ti.max(-MOST_PUSH, ti.min(MOST_PUSH, taken)) * UNIT), ti.i32))
+            else:
+                to = carried_along(w, p, w.pairs.first[p], m, distance, normal, movers.course[m])
+                ti.atomic_max(movers.press[m], press * at_least(0.0, -to.dot(normal)) / at_least(1e-9, to.norm()))
 
 
 @ti.func
