@@ -1,14 +1,20 @@
 """Fuzzing: random valid scenes must stay finite and lose nobody, broken files must be refused in a sentence.
 
 `python -m taichi_sand.fuzz --examples 5000` draws so many scenes and so many broken files; it needs the extra `test`. A scene of
-another structure is compiled anew, so a run draws its structures first and many scenes of each.
+another structure is compiled anew, so a run draws its structures first and many scenes of each. It goes on after a finding.
 """
 
 import argparse
 import json
 import math
+import os
+import sys
 import tempfile
+import traceback
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -211,29 +217,66 @@ def fuzz(check: Callable, examples: int, *strategies: st.SearchStrategy) -> None
     trial()
 
 
-def main() -> None:
+def fuzz_scenes(structure: tuple[str, str, tuple[str, ...]], examples: int) -> None:
+    """Scenes of one structure."""
+    fuzz(check_scene, examples, scenes(structure))
+
+
+def fuzz_files(examples: int) -> None:
+    """Scene files, each with the CSV file beside it."""
+    with tempfile.TemporaryDirectory() as name:
+        fuzz(lambda toml, rows: check_files(Path(name), toml, rows), examples, broken(SAMPLE), broken(ROWS))
+
+
+def fuzz_checkpoints(examples: int) -> None:
+    """Checkpoints."""
+    with tempfile.TemporaryDirectory() as name:
+        good = checkpoint_bytes(Path(name))
+        fuzz(lambda data: check_checkpoint(Path(name), data), examples, broken(good))
+
+
+def structures(examples: int, seed: int) -> list[tuple[str, str, tuple[str, ...]]]:
+    """Those of the tests, and one at random for every hundred examples."""
+    random = np.random.default_rng(seed)
+    found = list(STRUCTURES)
+    for _ in range(examples // 100):
+        kind = str(random.choice(["md", "rigid"]))
+        names = [name for name in effects.fitting(kind) if random.random() < 0.3]
+        found.append((kind, str(random.choice(SHAPES)), tuple(names)))
+    return found
+
+
+def tried(task: Callable[[int], None], examples: int) -> str:
+    """What the task found: a traceback, or nothing."""
+    try:
+        task(examples)
+    except Exception:  # whatever it is: it is what was looked for
+        return traceback.format_exc()
+    return ""
+
+
+def main() -> int:
     """The command."""
     parser = argparse.ArgumentParser(description="Draws random scenes and broken files, and says what they break.")
     parser.add_argument("--examples", type=int, default=200, help="scenes, and as many broken files")
     parser.add_argument("--seed", type=int, default=0, help="of the structures that are drawn beyond those of the tests")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes that share the work")
     asked = parser.parse_args()
-    random = np.random.default_rng(asked.seed)
-    structures = list(STRUCTURES)
-    for _ in range(asked.examples // 100):
-        kind = str(random.choice(["md", "rigid"]))
-        names = [name for name in effects.fitting(kind) if random.random() < 0.3]
-        structures.append((kind, str(random.choice(SHAPES)), tuple(names)))
-    for structure in structures:
-        print(*structure[:2], *structure[2], flush=True)
-        fuzz(check_scene, max(1, asked.examples // len(structures)), scenes(structure))
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        print("broken files", flush=True)
-        fuzz(lambda toml, rows: check_files(folder, toml, rows), asked.examples // 2, broken(SAMPLE), broken(ROWS))
-        good = checkpoint_bytes(folder)
-        fuzz(lambda data: check_checkpoint(folder, data), asked.examples // 2, broken(good))
-    print("nothing found")
+    drawn = structures(asked.examples, asked.seed)
+    each, half = max(1, asked.examples // len(drawn)), max(1, asked.examples // 2)
+    tasks = {"broken scene files": (fuzz_files, half), "broken checkpoints": (fuzz_checkpoints, half)}
+    for k, (kind, shape, names) in enumerate(drawn):
+        tasks[f"structure {k}: " + " ".join([kind, shape, *names])] = (partial(fuzz_scenes, (kind, shape, names)), each)
+    findings = 0
+    with ProcessPoolExecutor(asked.jobs, get_context("spawn"), max_tasks_per_child=8) as pool:
+        waiting = {pool.submit(tried, *task): (name, task[1]) for name, task in tasks.items()}
+        for k, done in enumerate(as_completed(waiting)):
+            (name, examples), finding = waiting[done], done.result()
+            findings += bool(finding)
+            print(f"[{k + 1}/{len(tasks)}] {name}: {examples} examples, {finding or 'nothing found'}", flush=True)
+    print(f"{findings or 'no'} finding{'s' * (findings != 1)}")
+    return int(findings > 0)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
