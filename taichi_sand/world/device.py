@@ -13,6 +13,7 @@ import taichi as ti
 
 from taichi_sand.scene.errors import SandError
 from taichi_sand.world import fields
+from taichi_sand.world.direct import reach_in
 from taichi_sand.world.haste import hasten
 
 ARCHES = ("cpu", "cuda", "vulkan", "metal", "gpu")
@@ -71,6 +72,7 @@ def give_memory_back() -> None:
 def launch(arch: str, threads: int, precision: int) -> None:
     """ti.init, with an error in words if the backend is not there."""
     hasten()
+    reach_in()
     kind = getattr(ti, arch)
     real = ti.f64 if precision == 64 else ti.f32
     with contextlib.redirect_stdout(None):  # it announces itself there, whatever the log level

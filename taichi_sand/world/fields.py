@@ -6,16 +6,15 @@ makes of them is `same` as before, so that nothing is compiled. (Single fields a
 orders sums, and so the last bits.)
 """
 
-import ctypes
 import dataclasses
 import math
 import weakref
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import taichi as ti
-from taichi.lang.field import ScalarField
+
+from taichi_sand.world.direct import clear
 
 
 class UnfitError(Exception):
@@ -30,7 +29,6 @@ class Kit:
         self.fields: list[Any] = []
         self.whole = False  # all have been made
         self.taken = 0
-        self.trees: dict[int, int] = {}  # address of each of Taichi's trees that they are in
 
     def take(self, request: tuple, make: Callable[[], Any]) -> Any:
         """The next field, full of zeros."""
@@ -41,7 +39,7 @@ class Kit:
         if self.taken == len(self.fields) or self.requests[self.taken] != request:
             raise UnfitError
         self.taken += 1
-        self.clear(self.fields[self.taken - 1])
+        clear(self.fields[self.taken - 1])
         return self.fields[self.taken - 1]
 
     def close(self) -> None:
@@ -49,40 +47,6 @@ class Kit:
         if self.whole and self.taken < len(self.fields):
             raise UnfitError
         self.whole = True
-
-    def clear(self, field: Any) -> None:
-        """Fills a field of a CPU with zeros by its address: a kernel for that would have to be compiled for every field."""
-        if not self.trees:
-            self.find_trees()
-        for member in parts_of(field):
-            cells = member._snode.ptr.parent
-            start = self.trees[cells.get_snode_tree_id()] + cells.offset_bytes_in_parent_cell
-            ctypes.memset(start, 0, math.prod(member.shape) * cells.cell_size_bytes)
-
-    def find_trees(self) -> None:
-        """Asks a kernel for the address of one number of each tree."""
-        members = [member for field in self.fields for member in parts_of(field)]
-        ones = {member._snode.ptr.get_snode_tree_id(): member for member in members}
-        found = np.zeros(len(ones), np.uint64)
-        addresses(found, tuple((one, (0,) * len(one.shape)) for one in ones.values()))
-        for (tree, one), address in zip(ones.items(), found, strict=True):
-            place = one._snode.ptr
-            self.trees[tree] = int(address) - place.offset_bytes_in_parent_cell - place.parent.offset_bytes_in_parent_cell
-
-
-def parts_of(field: Any) -> list[ScalarField]:
-    """A member of each of the blocks of memory that a field has, whose cells hold all members of the block."""
-    members = [ScalarField(member) for member in field._get_field_members()]
-    return list({member._snode.ptr.parent.id: member for member in members}.values())
-
-
-@ti.kernel
-def addresses(found: ti.types.ndarray(ti.u64, 1), places: ti.template()):
-    """Where numbers of fields lie in memory; `places` are pairs of a field and an index."""
-    ti.loop_config(serialize=True)
-    for _ in range(1):
-        for k in ti.static(range(len(places))):
-            found[k] = ti.get_addr(places[k][0], places[k][1])
 
 
 class Shelf:

@@ -1,0 +1,132 @@
+"""Lets Python read and write fields of a CPU where they lie in memory.
+
+Taichi 1.7 compiles kernels for that: one for every member of a struct that is read, and others for every field that is copied to or from
+NumPy. That took a third of the time of a start, and most of the memory that a simulation in a window holds. What does not lie in the
+memory of a CPU as a plain table (on a GPU, or sparse) goes Taichi's way.
+"""
+
+import ctypes
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import taichi as ti
+from taichi.lang import impl, util
+from taichi.lang.field import Field, ScalarField, SNodeHostAccessor
+from taichi.lang.matrix import MatrixField
+
+CPUS = (ti.x64, ti.arm64)
+DENSE, ROOT = (getattr(ti._lib.core.SNodeType, name) for name in ("dense", "root"))
+
+
+@ti.kernel
+def find(found: ti.types.ndarray(ti.u64, 1), field: ti.template(), place: ti.template()):
+    """Where a number of a field lies in memory."""
+    ti.loop_config(serialize=True)
+    for _ in range(1):
+        found[0] = ti.get_addr(field, place)
+
+
+def plain(member: ScalarField) -> bool:
+    """Whether the numbers of a field lie in the memory of a CPU, cell after cell."""
+    cells, axes = member._snode.ptr.parent, range(len(member.shape))
+    ordered = list(member._snode.ptr.get_physical_index_position())[: len(axes)] == list(axes)
+    return impl.current_cfg().arch in CPUS and cells.type == DENSE and cells.parent.type == ROOT and ordered
+
+
+def start_of(member: ScalarField) -> int:
+    """Address of the cells that a plain field is in, all members of a vector or of a struct beside one another."""
+    impl.get_runtime().materialize()  # before that all fields seem to be in the first tree
+    known = vars(impl.get_runtime()).setdefault("addresses", {})  # of trees; Taichi has another runtime when it is started afresh
+    place = member._snode.ptr
+    tree, cells = place.get_snode_tree_id(), place.parent
+    if tree not in known:
+        found = np.zeros(1, np.uint64)
+        find(found, member, (0,) * len(member.shape))
+        known[tree] = int(found[0]) - place.offset_bytes_in_parent_cell - cells.offset_bytes_in_parent_cell
+    return known[tree] + cells.offset_bytes_in_parent_cell
+
+
+def view(member: ScalarField) -> np.ndarray:
+    """The numbers of a plain field themselves, not a copy, in the shape of the field."""
+    start, place, shape = start_of(member), member._snode.ptr, tuple(member.shape)
+    size = place.parent.cell_size_bytes
+    strides = tuple(size * math.prod(shape[axis + 1 :]) for axis in range(len(shape)))
+    kind = np.dtype(util.to_numpy_type(member.dtype)).str
+    data = (start + place.offset_bytes_in_parent_cell, False)
+    table = {"shape": shape, "typestr": kind, "data": data, "strides": strides, "version": 3}
+    return np.asarray(SimpleNamespace(__array_interface__=table))
+
+
+def members_of(field: Any) -> list[ScalarField]:
+    """The columns of a field, each of which holds one number a row."""
+    return [ScalarField(member) for member in field._get_field_members()]
+
+
+def clear(field: Any) -> None:
+    """Fills a plain field, or all members of a struct, with zeros."""
+    for member in {one._snode.ptr.parent.id: one for one in members_of(field)}.values():
+        ctypes.memset(start_of(member), 0, math.prod(member.shape) * member._snode.ptr.parent.cell_size_bytes)
+
+
+def read(self: Any, *given: Any, **named: Any) -> np.ndarray:
+    """In place of `to_numpy` of fields of numbers and of vectors."""
+    members = members_of(self)
+    if given or named or not plain(members[0]) or getattr(self, "ndim", 1) != 1:
+        return original[type(self), "to_numpy"](self, *given, **named)
+    if isinstance(self, ScalarField):
+        return view(members[0]).copy()
+    return np.stack([view(member) for member in members], axis=-1)
+
+
+def write(self: Any, values: np.ndarray) -> None:
+    """In place of `from_numpy`."""
+    members, width = members_of(self), (() if isinstance(self, ScalarField) else (self.n,))
+    if not plain(members[0]) or getattr(self, "ndim", 1) != 1:
+        original[type(self), "from_numpy"](self, values)
+        return
+    if values.shape != (*self.shape, *width):
+        raise ValueError(f"an array of shape {values.shape} does not fit a field of shape {(*self.shape, *width)}")
+    for k, member in enumerate(members):
+        view(member)[...] = values[..., k] if width else values
+
+
+def fill(self: Any, value: Any) -> None:
+    """In place of `fill`, of numbers: one for all."""
+    members = members_of(self)
+    if not impl.inside_kernel() and np.isscalar(value) and plain(members[0]):
+        for member in members:
+            view(member)[...] = value
+    else:
+        original[type(self), "fill"](self, value)
+
+
+class Accessor:
+    """In place of `SNodeHostAccessor`: how `field[row]` reads and writes one number."""
+
+    def __init__(self, numbers: np.ndarray) -> None:
+        self.numbers = numbers
+
+    def getter(self, *key: int) -> Any:
+        return self.numbers[key[: self.numbers.ndim]].item()
+
+    def setter(self, value: Any, *key: int) -> None:
+        self.numbers[key[: self.numbers.ndim]] = value
+
+
+def open_up(self: Field) -> None:
+    """In place of `_initialize_host_accessors`."""
+    if not self.host_accessors:
+        members = members_of(self)
+        self.host_accessors = [Accessor(view(one)) if plain(one) else SNodeHostAccessor(one._snode.ptr) for one in members]
+
+
+original = {(kind, name): getattr(kind, name) for kind in (ScalarField, MatrixField) for name in ("to_numpy", "from_numpy", "fill")}
+
+
+def reach_in() -> None:
+    """Puts these in the place of Taichi's own."""
+    Field._initialize_host_accessors = open_up
+    for kind in (ScalarField, MatrixField):
+        kind.to_numpy, kind.from_numpy, kind.fill = read, write, fill

@@ -1,0 +1,123 @@
+"""Fields read and written where they lie in memory: the same numbers as by Taichi's own kernels."""
+
+import numpy as np
+import pytest
+import taichi as ti
+from helpers import fresh_taichi
+
+from taichi_sand.world import device, direct
+
+
+class User:
+    """Somebody who starts Taichi."""
+
+
+@pytest.fixture
+def user() -> User:
+    fresh_taichi()
+    one = User()
+    device.start(one, "cpu", 1, 32)
+    return one
+
+
+MAKES = {
+    "f32": lambda: ti.field(ti.f32, 5),
+    "f64, two axes": lambda: ti.field(ti.f64, (3, 4)),
+    "one i32": lambda: ti.field(ti.i32, ()),
+    "u8": lambda: ti.field(ti.u8, 7),
+    "u64": lambda: ti.field(ti.u64, 2),
+    "vectors": lambda: ti.Vector.field(3, ti.f32, 5),
+    "vectors apart": lambda: ti.Vector.field(2, ti.f64, (4, 3), layout=ti.Layout.SOA),
+}
+OTHERS = {
+    "matrices": lambda: ti.Matrix.field(2, 2, ti.f32, 3),
+    "columns first": lambda: ti.field(ti.i32, (3, 4), order="ji"),
+}
+
+
+def counted(field: ti.Field) -> np.ndarray:
+    """An array for a field, all its numbers different."""
+    shape = field.to_numpy().shape
+    return (np.arange(np.prod(shape, dtype=int)) + 1).reshape(shape).astype(field.to_numpy().dtype)
+
+
+def own(field: ti.Field) -> np.ndarray:
+    """What Taichi's own kernel reads."""
+    return direct.original[type(field), "to_numpy"](field)
+
+
+@pytest.mark.parametrize("name", [*MAKES, *OTHERS])
+def test_as_taichi_does(name: str, user: User) -> None:
+    """Arrays in and out, between two neighbours that stay as they are."""
+    before, field, after = ti.field(ti.f32, 4), {**MAKES, **OTHERS}[name](), ti.field(ti.f32, 4)
+    assert (own(field) == 0).all() and direct.plain(direct.members_of(field)[0]) == (name != "columns first")
+    values = counted(field)
+    field.from_numpy(values)
+    assert (own(field) == values).all() and (field.to_numpy() == values).all() and field.to_numpy().dtype == own(field).dtype
+    field.to_numpy()[...] = 0  # a copy
+    assert (own(field) == values).all()
+    field.fill(7)
+    assert (own(field) == 7).all()
+    assert not own(before).any() and not own(after).any()
+
+
+@pytest.mark.parametrize("name", MAKES)
+def test_one_number_at_a_time(name: str, user: User) -> None:
+    """By row, as kernels see it."""
+    field = MAKES[name]()
+    values = counted(field)
+    rows = list(np.ndindex(*field.shape))
+    for row in rows:
+        field[row if row else None] = values[row]
+    assert (own(field) == values).all()
+    read = [field[row if row else None] for row in rows]
+    assert (np.array([one.to_list() if hasattr(one, "to_list") else one for one in read]).reshape(values.shape) == values).all()
+    assert isinstance(read[0], int | float | ti.Matrix | ti.Vector)
+
+
+def test_beyond_the_end(user: User) -> None:
+    with pytest.raises(IndexError):
+        ti.field(ti.f32, 3)[3]
+
+
+def test_members_of_a_struct(user: User) -> None:
+    """What a kernel writes is read, and the other way round."""
+    kind = ti.types.struct(a=ti.f32, b=ti.types.vector(2, ti.f64), c=ti.i32)
+    field = kind.field(shape=())
+
+    @ti.kernel
+    def double():
+        field[None].a, field[None].b, field[None].c = 2 * field[None].a, 2 * field[None].b, 2 * field[None].c
+
+    field[None].a, field[None].b, field[None].c = 0.1, [1.5, -2.5], -3
+    double()
+    assert field[None].a == pytest.approx(0.2, rel=1e-7) and field[None].b.to_list() == [3.0, -5.0] and field[None].c == -6
+    assert field.to_numpy()["b"].tolist() == [3.0, -5.0]
+
+
+def test_fields_made_later_and_after_a_fresh_start(user: User) -> None:
+    """They lie elsewhere."""
+    for _ in range(2):
+        one = ti.field(ti.i32, 3)
+        one.fill(1)
+        two = ti.field(ti.i32, 3)
+        two.fill(2)
+        assert own(one).tolist() == [1, 1, 1] and own(two).tolist() == [2, 2, 2]
+        device.forget()
+        device.alive.clear()
+        device.start(user, "cpu", 1, 32)
+
+
+def test_what_does_not_fit(user: User) -> None:
+    with pytest.raises(ValueError, match="does not fit"):
+        ti.field(ti.f32, 3).from_numpy(np.zeros(4, np.float32))
+
+
+def test_nothing_is_compiled_but_where_they_lie(user: User) -> None:
+    """One kernel for all fields that are made before the first is used."""
+    made = [make() for make in MAKES.values()]
+    start = device.compiled()
+    for field in made:
+        field.from_numpy(field.to_numpy())
+        field.fill(0)
+    assert device.compiled() == start + 1
