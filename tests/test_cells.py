@@ -12,6 +12,7 @@ import taichi as ti
 from helpers import D, R, digest, fresh_taichi, listed
 
 import taichi_sand as sand
+from taichi_sand import marching
 from taichi_sand.world import build, checkpoint, scan
 
 LOOSE = {"radius": [0.004, 0.006], "count": 300, "fill": "lattice", "pitch": 1.3, "jitter": 0.1, "region": [0.0, 0.0, 0.3, 0.3]}
@@ -111,6 +112,19 @@ def test_goes_on_to_the_same_bits(arch: str) -> None:
         ends.append(digest(sim))
     assert ends[0] == ends[1] and sim.count == 300 and sim.flags() == []
     assert sim.world.pace[None].searches > 10
+
+
+def test_a_driver_that_leaves_cells_out_is_refused(arch: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if one cell had listed nothing, which leaves what the other half of the table had."""
+    real = marching.march
+
+    def careless(world: Any, *given: Any) -> None:
+        real(world, *given)
+        world.blocks.pair_end[5] = 0
+
+    monkeypatch.setattr(marching, "march", careless)
+    with pytest.raises(sand.SandError, match=f"--arch {arch}: its driver leaves out"):
+        start(scene_of("plain", "md"), arch)
 
 
 @pytest.mark.slow

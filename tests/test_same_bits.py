@@ -9,8 +9,6 @@ from helpers import digest, fresh_taichi
 
 import taichi_sand as sand
 
-pytestmark = pytest.mark.slow
-
 SCENES = {
     "hourglass": ["scale=0.1"],
     "circles": [],

@@ -118,6 +118,7 @@ class Accessor:
 def open_up(self: Field) -> None:
     """In place of `_initialize_host_accessors`."""
     if not self.host_accessors:
+        impl.get_runtime().materialize()
         members = members_of(self)
         self.host_accessors = [Accessor(view(one)) if plain(one) else SNodeHostAccessor(one._snode.ptr) for one in members]
 
