@@ -268,7 +268,7 @@ def main() -> int:
     for k, (kind, shape, names) in enumerate(drawn):
         tasks[f"structure {k}: " + " ".join([kind, shape, *names])] = (partial(fuzz_scenes, (kind, shape, names)), each)
     findings = 0
-    with ProcessPoolExecutor(asked.jobs, get_context("spawn"), max_tasks_per_child=8) as pool:
+    with ProcessPoolExecutor(asked.jobs, get_context("spawn")) as pool:
         waiting = {pool.submit(tried, *task): (name, task[1]) for name, task in tasks.items()}
         for k, done in enumerate(as_completed(waiting)):
             (name, examples), finding = waiting[done], done.result()

@@ -1,9 +1,11 @@
 """Checkpoints: a resumed run equals an uninterrupted one, bit for bit; a file that cannot be used is refused in a sentence."""
 
 import os
+import struct
 import subprocess
 import sys
 import time
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -117,6 +119,15 @@ def test_foreign_archives_are_refused(tmp_path: Path) -> None:
     for name in ("array.npy", "other.npz"):
         with pytest.raises(sand.SandError, match=name):
             checkpoint.load(tmp_path / name)
+
+
+def test_an_array_whose_description_breaks_off_is_refused(tmp_path: Path) -> None:
+    """Found by fuzzing: NumPy reads it as Python, and says what Python does."""
+    array = b"\x93NUMPY\x01\x00" + struct.pack("<H", 20) + b"{'descr': '|u1', (  "
+    with zipfile.ZipFile(tmp_path / "state.npz", "w") as file:
+        file.writestr("header.npy", array)
+    with pytest.raises(sand.SandError, match=r"not a checkpoint .*TokenError"):
+        checkpoint.load(tmp_path / "state.npz")
 
 
 SAVER = """

@@ -15,13 +15,14 @@ import numpy as np
 
 from taichi_sand.play.files import as_line
 from taichi_sand.play.screen import Screen
-from taichi_sand.play.session import Session, pack
-from taichi_sand.play.snapshot import from_bytes
+from taichi_sand.play.session import VERBS, Session, pack
+from taichi_sand.play.snapshot import Snapshot, from_bytes
 from taichi_sand.scene.errors import PhysicsError, SandError
 from taichi_sand.scene.schema import Scene
 from taichi_sand.view.film import WRITERS, Progress, destination, put_in_place, scratch_beside
+from taichi_sand.world.checkpoint import UNREADABLE
 
-FORMAT = 1
+FORMAT, TITLE = 1, "taichi_sand recording"
 EVERY = 1.0
 """Wall time between two hashes [s]."""
 
@@ -33,7 +34,7 @@ class Recorder:
         self.session, self.file = session, path.open("w", encoding="utf-8")
         session.log = []
         self.started = self.hashed = time.perf_counter()
-        self._line({"taichi_sand recording": FORMAT, "scene": session.sim.scene.to_json(), "start": pack(session.moment())})
+        self._line({TITLE: FORMAT, "scene": session.sim.scene.to_json(), "start": pack(session.moment())})
 
     def __call__(self, actions: list, steps: int) -> None:
         """A frame: these actions, then so many steps."""
@@ -58,19 +59,40 @@ class Recorder:
         self.file.flush()
 
 
-def replay(path: Path, arch: str, threads: int | None) -> Iterator[tuple[Session, float]]:
+def read(path: Path) -> tuple[Snapshot, Scene, list]:
+    """The start of a recording, the scene that was opened, and the lines that follow: [actions, steps, wall time] or {"hash": …}. A last
+    line that was cut off as it was written is left out.
+
+    Raises:
+        SandError: the file is damaged, or no recording.
+    """
+    try:
+        head, *rest = (json.loads(line) for line in path.read_bytes().decode().split("\n")[:-1])
+        if (version := head[TITLE]) != FORMAT:
+            raise SandError(f"{path}: a recording of format {version}, of another taichi-sand; this one reads format {FORMAT}")
+        start, scene = from_bytes(base64.b64decode(head["start"])), Scene.from_json(head["scene"])
+    except UNREADABLE as error:
+        raise SandError(f"{path}: not a recording of taichi-sand, or a damaged one ({type(error).__name__})") from None
+    for number, line in enumerate(rest, 2):
+        if not (is_frame(line) or (isinstance(line, dict) and "hash" in line)):
+            raise SandError(f"{path}: line {number} of the recording is damaged")
+    return start, scene, rest
+
+
+def is_frame(line: Any) -> bool:
+    """Whether a line says what was done, how many steps were simulated then, and when."""
+    if not (isinstance(line, list) and [type(part) for part in line] in ([list, int, float], [list, int, int])):
+        return False
+    return all(isinstance(action, list) and action and action[0] in VERBS for action in line[0])
+
+
+def replay(recorded: tuple[Snapshot, Scene, list], path: Path, arch: str, threads: int | None) -> Iterator[tuple[Session, float]]:
     """Does again what a recording holds; the session after every frame, and the wall time of the frame [s].
 
     Raises:
-        SandError: the file is damaged.
         PhysicsError: the state is not what it was when it was recorded.
     """
-    lines = path.read_text("utf-8").splitlines()
-    try:
-        head, *rest = (json.loads(line) for line in lines)
-        start, scene = from_bytes(base64.b64decode(head["start"])), Scene.from_json(head["scene"])
-    except (ValueError, KeyError) as error:
-        raise SandError(f"{path}: the recording is damaged ({type(error).__name__})") from None
+    start, scene, rest = recorded
     session = Session(scene, arch=arch, threads=threads)
     session.go_to(start)
     session.start = session.moment()
@@ -91,12 +113,12 @@ def film(path: Path, out: str, *, fps: int, width: int | None, arch: str, thread
     target, ending = destination(out)
     if ending == ".png":
         raise SandError(f"{out}: a recording becomes a film, .mp4 or .gif, or a folder of frames")
-    last = json.loads(path.read_text("utf-8").splitlines()[-2])
-    total = last[2] if isinstance(last, list) else 0.0
+    recorded = read(path)
+    total = max((line[2] for line in recorded[2] if isinstance(line, list)), default=0.0)
     with scratch_beside(target) as scratch:
         with WRITERS[ending](scratch / target.name, fps) as write:
             screen, shown = None, 0
-            for session, wall in replay(path, arch, threads):
+            for session, wall in replay(recorded, path, arch, threads):
                 if screen is None or screen.session is not session:
                     screen = Screen(session, width or session.sim.scene.view.width)
                 while shown / fps <= wall:

@@ -5,6 +5,7 @@ import json
 import os
 import struct
 import tempfile
+import tokenize
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ FORMAT = 6
 
 
 UNREADABLE = (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, NotImplementedError, RuntimeError, MemoryError)
-UNREADABLE += (OverflowError, struct.error, zipfile.BadZipFile, zipfile.zlib.error)
+UNREADABLE += (OverflowError, SyntaxError, tokenize.TokenError, struct.error, zipfile.BadZipFile, zipfile.zlib.error)
 """What reading a file that is no checkpoint, or a damaged one, may raise."""
 
 

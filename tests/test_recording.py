@@ -1,0 +1,76 @@
+"""Recordings as files: whole up to where they were cut off, and refused in a sentence if they are damaged."""
+
+from pathlib import Path
+
+import pytest
+
+import taichi_sand as sand
+from taichi_sand.play import recording
+from taichi_sand.play.session import Session
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """Three frames, of which the second changes gravity; and the hash at the end."""
+    path = tmp_path_factory.mktemp("recording") / "it.record"
+    grains = [{"radius": 0.01, "count": 20, "fill": "lattice"}]
+    session = Session(sand.Scene(size=[0.2, 0.3], grains=grains, effects={"friction": {}}), threads=1)
+    recorder = recording.Recorder(session, path)
+    for actions in ([], [["set", "gravity.0", 2.0]], []):
+        for action in actions:
+            session.do(action)
+        session.advance(20)
+        recorder(actions, 20)
+    recorder.close()
+    return path.read_bytes()
+
+
+def steps_of(path: Path) -> int:
+    """Steps that a recording, done again, has done."""
+    *_, (session, _) = recording.replay(recording.read(path), path, "cpu", 2)
+    return session.sim.steps
+
+
+def test_done_again(recorded: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "it.record"
+    path.write_bytes(recorded)
+    assert steps_of(path) == 60
+
+
+def test_cut_off_as_it_was_written(recorded: bytes, tmp_path: Path) -> None:
+    """As by kill -9: all but the line that was being written."""
+    path = tmp_path / "it.record"
+    lines = recorded.split(b"\n")
+    path.write_bytes(b"\n".join(lines[:4])[:-5])
+    assert steps_of(path) == 40
+    path.write_bytes(recorded[:-8])
+    assert steps_of(path) == 60
+
+
+def test_another_state(recorded: bytes, tmp_path: Path) -> None:
+    """What was done is not what is written down."""
+    path = tmp_path / "it.record"
+    path.write_bytes(recorded.replace(b"[[], 20, ", b"[[], 21, ", 1).replace(b"[[],20,", b"[[],21,", 1))
+    with pytest.raises(sand.PhysicsError, match="the state is not what was recorded"):
+        steps_of(path)
+
+
+@pytest.mark.parametrize("how", ["half a head", "another version", "unknown action", "no frame", "bytes", "empty"])
+def test_damaged(recorded: bytes, how: str, tmp_path: Path) -> None:
+    """One sentence that names the file."""
+    head, *rest = recorded.split(b"\n")
+    path = tmp_path / "it.record"
+    damaged = {
+        "half a head": head[: len(head) // 2] + b"\n",
+        "another version": b"\n".join([head.replace(b": 1", b": 2", 1).replace(b":1", b":2", 1), *rest]),
+        "unknown action": b"\n".join([head, *rest]).replace(b'"set"', b'"sit"'),
+        "no frame": b"\n".join([head, b"[1, 2]", *rest]),
+        "bytes": b"\xff\xfe" + recorded,
+        "empty": b"",
+    }[how]
+    assert damaged != recorded
+    path.write_bytes(damaged)
+    with pytest.raises(sand.SandError, match=r"it\.record") as caught:
+        recording.read(path)
+    assert "\n" not in str(caught.value)
+    assert ("format 2" in str(caught.value)) == (how == "another version")
