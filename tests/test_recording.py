@@ -55,7 +55,7 @@ def test_another_state(recorded: bytes, tmp_path: Path) -> None:
         steps_of(path)
 
 
-@pytest.mark.parametrize("how", ["half a head", "another version", "unknown action", "no frame", "bytes", "empty"])
+@pytest.mark.parametrize("how", ["half a head", "another version", "unknown action", "no action", "no frame", "bytes", "empty"])
 def test_damaged(recorded: bytes, how: str, tmp_path: Path) -> None:
     """One sentence that names the file."""
     head, *rest = recorded.split(b"\n")
@@ -64,6 +64,7 @@ def test_damaged(recorded: bytes, how: str, tmp_path: Path) -> None:
         "half a head": head[: len(head) // 2] + b"\n",
         "another version": b"\n".join([head.replace(b": 1", b": 2", 1).replace(b":1", b":2", 1), *rest]),
         "unknown action": b"\n".join([head, *rest]).replace(b'"set"', b'"sit"'),
+        "no action": b"\n".join([head, b"[[[[]]], 1, 2.0]", *rest]),
         "no frame": b"\n".join([head, b"[1, 2]", *rest]),
         "bytes": b"\xff\xfe" + recorded,
         "empty": b"",

@@ -83,7 +83,7 @@ def is_frame(line: Any) -> bool:
     """Whether a line says what was done, how many steps were simulated then, and when."""
     if not (isinstance(line, list) and [type(part) for part in line] in ([list, int, float], [list, int, int])):
         return False
-    return all(isinstance(action, list) and action and action[0] in VERBS for action in line[0])
+    return all(isinstance(action, list) and action and str(action[0]) in VERBS for action in line[0])
 
 
 def replay(recorded: tuple[Snapshot, Scene, list], path: Path, arch: str, threads: int | None) -> Iterator[tuple[Session, float]]:
