@@ -21,7 +21,6 @@ from taichi_sand.solvers.tolerance import REST, Bed, bed_of, depth_of, follows_t
 from taichi_sand.world import census, device, fields, sources
 from taichi_sand.world import hand as hands
 from taichi_sand.world.build import check_periodic, fill, make_world
-from taichi_sand.world.pairs import all_listed
 from taichi_sand.world.rest import wake
 from taichi_sand.world.wall_scene import change_walls, check_speeds, fastest_wall, set_patience
 from taichi_sand.world.water import pour
@@ -100,7 +99,7 @@ class Simulation(Keeping, Readings):
         if self.world.layout != "one":
             marching.step_alone(self.world, self.solver)  # only compiles: a step that finds its search spent does nothing
         self._march(0)
-        if self.world.layout == "cells" and not all_listed(self.world):
+        if self.world.layout == "cells" and not census.all_listed(self.world):
             raise SandError(f"--arch {self.arch}: its driver leaves out parts of the search for contacts; take --arch cpu", "arch")
         census.places(self.world)  # only compiles, as the next
         census.strained(self.world, 0.0, 0.0)

@@ -13,14 +13,14 @@ import taichi as ti
 
 from taichi_sand.scene.errors import SandError
 from taichi_sand.world import fields
-from taichi_sand.world.direct import reach_in
+from taichi_sand.world.direct import CPUS, reach_in
 from taichi_sand.world.haste import hasten
 
 ARCHES = ("cpu", "cuda", "vulkan", "metal", "gpu")
 ROOM = 500_000_000
 """Numbers that fields may hold before Taichi is started afresh: it frees no field on its own."""
 MOST_KERNELS = 200
-"""Kernels that may be compiled before it is, those of some six structures: each takes more than a megabyte."""
+"""Kernels that may be compiled before it is, those of some fourteen structures of 15 to 20 MB each."""
 
 alive: weakref.WeakSet = weakref.WeakSet()
 state: dict[str, Any] = {"key": None}
@@ -55,7 +55,7 @@ def compiled() -> int:
 
 def on_gpu() -> bool:
     """Whether Taichi runs on a GPU."""
-    return ti.lang.impl.current_cfg().arch not in (ti.x64, ti.arm64)
+    return ti.lang.impl.current_cfg().arch not in CPUS
 
 
 def forget() -> None:

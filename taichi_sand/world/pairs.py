@@ -4,8 +4,6 @@ A grain is foreseen to fly straight on; a pair is listed if on these paths it co
 holds until the horizon is reached or a grain has left its foreseen path by half the skin. So grains that fall together cost no search.
 """
 
-from typing import Any
-
 import taichi as ti
 
 from taichi_sand.world.boulders import is_boulder, list_boulders
@@ -293,13 +291,3 @@ def search_now(w: ti.template()):
 def progress(w: ti.template()) -> ti.types.vector(2, ti.i32):
     """Whether a search is due, and how many steps are done: together, as a GPU is waited for at every look."""
     return ti.Vector([w.pace[None].spent, w.pace[None].done])
-
-
-def all_listed(world: Any) -> bool:
-    """In cells: whether every cell has listed its pairs in the half of the table that is in use. Drivers were seen that leave some out
-    (Mesa's llvmpipe, of 2022).
-    """
-    cells = world.grid.columns[None] * world.grid.rows[None]
-    start, end = (getattr(world.blocks, name).to_numpy()[:cells] for name in ("pair_start", "pair_end"))
-    low = world.pace[None].half * world.half
-    return bool(((low <= start) & (start <= end)).all())
