@@ -14,10 +14,11 @@ from typing import Any
 
 import taichi as ti
 
+from taichi_sand.solvers.impacts import collide_all
 from taichi_sand.solvers.impulses import arms, cone, give, lay_by, levers_of, lowest, resist_rolling, slip_by, slip_of, speed_of
 from taichi_sand.solvers.tolerance import Bed, rigid_numbers
 from taichi_sand.world.geometry import add, at_least, distance_to_second, motion_of, movable, weigh_clumps, within, wrench
-from taichi_sand.world.ledger import drive, settle_work
+from taichi_sand.world.ledger import settle_work
 from taichi_sand.world.links import pull_links
 from taichi_sand.world.motion import drift, with_body
 from taichi_sand.world.movers import feel, place_walls
@@ -60,8 +61,9 @@ def constants_type(real: Any, live: Iterable[str]) -> Any:
 TOUCHING = 1e-6
 """A contact is soft below this gap, over the distance of the centres. Were it hard at a gap of nothing, where grains are often laid, it
 would stay so until rounding closed it, seconds later, and then give way all at once."""
-ROUNDS = 8
-"""Most rounds of impacts in a step."""
+NEAR = 0.5
+"""No friction across a gap wider than this, over the distance of the centres when they touch: the levers would be longer than the pair's
+effective mass reckons with, and the impulse too strong (by less than twice up to here)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,16 +93,6 @@ def kick(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
 
 
 @ti.func
-def guess(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
-    """The contact impulses of the step before, where the kick has left them out."""
-    g = ti.static(w.grains)
-    if w.pace[None].guess == 1:
-        for i in range(start, end):
-            settle_work(w, s, i, g.wrench[i], g.wrench[i] * g.mobility[i])
-            add(g.twist, i, g.wrench[i] * g.mobility[i])
-
-
-@ti.func
 def move(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
     """Drift, as the grain function of a sweep; clears the impulses for the sweep that follows."""
     drift(w, start, end)
@@ -112,41 +104,6 @@ def lay_nothing_by(w: ti.template(), s: ti.template(), c: ti.template(), start, 
     """Clears the impulses, as a grain function of a sweep."""
     for i in range(start, end):
         w.grains.wrench[i] = ti.Vector([0.0, 0.0, 0.0, 0.0])
-
-
-@ti.func
-def free(w: ti.template(), i):
-    """Whether grain i can move and carried no contact in the last step."""
-    carried = w.grains.wrench[i]
-    return w.grains.mobility[i].x > 0.0 and carried.x == 0.0 and carried.y == 0.0
-
-
-@ti.func
-def collide(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
-    """Answers the impact of pair p, if it would touch within the step faster than the threshold (physics.md A2, A4).
-
-    One of its grains must be free: in a pile that closes under load the impulses have to be remembered, not answered and forgotten.
-    What is reflected is the velocity of the moment, with half the step's gravity: with all of it a bounce would add speed * g h.
-    """
-    pairs = ti.static(w.pairs)
-    i = pairs.first[p]
-    j = i if ti.static(wall) else pairs.second[p]
-    normal, gap = pairs.normal[p], pairs.gap[p]
-    motion = motion_of(w, p, i, j, gap + pairs.contact_distance[p], normal, wall)
-    lever = levers_of(w, p)
-    speed = speed_of(w, i, j, motion, normal, lever, wall)
-    if speed < -c.threshold and speed * c.step + gap < 0.0 and (free(w, i) or free(w, j)):
-        arm_i, arm_j = arms(w, i, j, gap, lever, wall)
-        kicked = (movable(w, j) - movable(w, i) if ti.static(not wall) else -movable(w, i)) * w.box[None].gravity.dot(normal) * c.step
-        impulse = ti.Vector([-(1.0 + c.restitution) * pairs.mass[p] * (speed - 0.5 * kicked), 0.0])
-        if ti.static(w.turns):
-            slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall) + slip_by(w, i, j, impulse.x, arm_i, arm_j, lever, wall)
-            bound = cone(w, s, c, p, wall, impulse.x)
-            impulse.y = within(bound, -pairs.mass_t[p] * slip)
-        give(w, s, i, j, impulse, normal, arm_i, arm_j, lever, wall)
-        drive(w, s, p, gap + pairs.contact_distance[p], normal, impulse, wall)
-        lowest(w, s, c, p, 0.0, 0.0)  # they touch
-        w.pace[None].hit = 1
 
 
 @ti.func
@@ -180,7 +137,7 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
         arm_i, arm_j = arms(w, i, j, gap, lever, wall)
         if ti.static(w.turns):
             slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall) + slip_by(w, i, j, new.x - carried.x, arm_i, arm_j, lever, wall)
-            bound = cone(w, s, c, p, wall, new.x - low)
+            bound = ti.select(gap < NEAR * pairs.contact_distance[p], cone(w, s, c, p, wall, new.x - low), 0.0)
             new.y = within(bound, carried.y - pairs.mass_t[p] * slip)
         give(w, s, i, j, new - carried, normal, arm_i, arm_j, lever, wall)
         resist_rolling(w, s, c, p, i, j, new.x - low, wall)
@@ -247,35 +204,6 @@ def renew(w: ti.template(), s: ti.template()):
     c = s.constants[None]
     each_grain(w, lay_nothing_by, s, c)
     sweep(w, (lay_by_again,), nothing, s, c, going)
-
-
-@ti.func
-def colliding(w: ti.template()):
-    """Whether a round of impacts is due."""
-    return w.pace[None].spent == 0 and w.pace[None].impacts == 1
-
-
-@ti.func
-def close_round(w: ti.template()):
-    """One more round of impacts only if the last one met any."""
-    if w.pace[None].spent == 0:
-        w.pace[None].impacts = w.pace[None].hit
-        w.pace[None].hit = 0
-
-
-@ti.func
-def collide_all(w: ti.template(), s: ti.template(), c: ti.template()):
-    """Rounds of impacts, one after the other, until there are none left or the rounds are used up."""
-    if ti.static(w.layout == "one"):
-        for _round in range(ROUNDS):
-            sweep(w, (collide,), nothing, s, c, colliding)
-            close_round(w)
-    else:
-        for _round in ti.static(range(2)):
-            sweep(w, (collide,), nothing, s, c, colliding)
-            close_round(w)
-    w.pace[None].impacts = 0
-    each_grain(w, guess, s, c)
 
 
 @ti.func

@@ -169,3 +169,24 @@ def test_rigid_oblique() -> None:
     gallery = Gallery(shots=3)
     gallery.simulate(SHOTS, 1.05e-3, {"kind": "rigid", "restitution": E, "step": 2e-6}, mu=MU).advance(3e-3)
     check_hard(gallery, INCIDENCE, 1e-3)
+
+
+@pytest.mark.parametrize("shape", ["disc", "triangle"])
+@pytest.mark.parametrize("gap", [0.1, 0.7, 1.4])
+def test_rigid_impact_from_afar(gap: float, shape: str) -> None:
+    """Grains so fast that their impact is answered at a distance: friction, with the long levers it then has, stops the slip and no more.
+
+    Restitution 1: only friction takes energy, and none comes from nowhere; momentum and angular momentum stay. Spins of 0.5 a step.
+    """
+    h, spin = 1 / 240, 120.0
+    v = 0.55 * (gap + 0.2) * D / h
+    grains = [{"shape": shape, "positions": [[0.1, 0.1, R, v, 0.2 * v]], "spin": spin}]
+    grains += [{"shape": shape, "positions": [[0.1 + (gap + 1) * D, 0.1 + 0.2 * D, R, -v, 0.0]], "spin": spin}]
+    sim = simulate(grains, (0.3, 0.3), {"kind": "rigid", "restitution": 1.0, "step": h}, mu=10.0)
+    before = sim.report()
+    sim.advance_steps(1)
+    after = sim.report()
+    assert not after["flags"] and sim.velocities[0, 0] < 0.5 * v  # they met
+    assert after["kinetic_energy_J"] <= before["kinetic_energy_J"] * (1 + 1e-9)
+    assert after["momentum_Ns"] == pytest.approx(before["momentum_Ns"], rel=1e-9)
+    assert after["angular_momentum_Nms"] == pytest.approx(before["angular_momentum_Nms"], rel=1e-9)
