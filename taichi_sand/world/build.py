@@ -23,7 +23,6 @@ from taichi_sand.world.tables import (
     LEAST_ROOM,
     PAIRS_PER_GRAIN,
     STRIPS,
-    WALL_PAIRS_PER_GRAIN,
     World,
     allocate_blocks,
     allocate_grains,
@@ -33,7 +32,7 @@ from taichi_sand.world.tables import (
     round_up,
     site_rows,
 )
-from taichi_sand.world.wall_scene import SIDES, lay_walls, moving_walls
+from taichi_sand.world.wall_scene import SIDES, lay_walls, moving_walls, wall_pairs_per_grain
 
 STRIPS_FROM = 30_000
 """Grains from which a sweep pays for being cut into strips: handing out a parallel loop costs as much as some thousand pairs."""
@@ -146,7 +145,8 @@ def make_world(
     least_cell, most_cells = plan_cells(scene.size, lengths["listed"] + lengths["bridge"], capacity)
     cells, lanes = round_up(most_cells + 1, 64 if layout == "cells" else LEAST_ROOM), LANES[layout]
     blocks = {"one": 1, "strips": STRIPS, "cells": cells}[layout]
-    rows, wall_rows = (per * most_discs(pack) for per in (PAIRS_PER_GRAIN, WALL_PAIRS_PER_GRAIN))
+    wall_pairs = wall_pairs_per_grain(scene, diameter, capacity)
+    rows, wall_rows = (per * most_discs(pack) for per in (PAIRS_PER_GRAIN, wall_pairs))
     wall_half, wall_base = wall_rows * capacity, rows * (capacity + lanes * min(blocks, STRIPS)) + boulders
     world = World(
         grains=allocate_grains(real, capacity, pack.clumps),

@@ -24,7 +24,9 @@ CHUNK = 512
 """Taichi gives a CPU thread at least so many indices of a parallel loop: a loop over blocks takes steps of CHUNK to be dealt out at all."""
 PAIRS_PER_GRAIN = 6
 """Room in the pair table per disc: equal discs have 3 pairs each (a pair is listed once), the rest is for the skin and small grains."""
-WALL_PAIRS_PER_GRAIN = 3
+WALL_PAIRS_PER_GRAIN, AMONG_FINE_WALLS = 3, 16
+"""Room for the pairs of a disc with parts of walls: three, as a third of the discs at most lie at walls and have six; where walls are in
+more small parts than there are grains to share the room, as many as a disc in a groove may have."""
 LANES = {"one": 4, "strips": 2, "cells": 1}
 """A block's grains are dealt into this many runs, and its pairs are stored one of each run in turn: consecutive rows then share no
 grain, and a processor works on several at once instead of waiting for the last one's result. Four are twice as fast as one; more gain

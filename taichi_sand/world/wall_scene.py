@@ -10,7 +10,7 @@ from taichi_sand.scene.packing import Pack
 from taichi_sand.world.movers import BLUR, HIT, JAMMED, TOLERANCES, Movers, allocate_movers, hours, set_out
 from taichi_sand.world.pairs import MOST_REACH
 from taichi_sand.world.rest import wake
-from taichi_sand.world.tables import World, write_rows
+from taichi_sand.world.tables import AMONG_FINE_WALLS, WALL_PAIRS_PER_GRAIN, World, write_rows
 from taichi_sand.world.walls import (
     Part,
     build_walls,
@@ -24,6 +24,8 @@ from taichi_sand.world.walls import (
 )
 
 SIDES = ("left", "right", "bottom", "top")
+FINE = 2.0
+"""A grain may meet several of the lines of a wall at once that are shorter than this [d]."""
 
 
 def wall_parts(scene: Any) -> list[Part]:
@@ -35,6 +37,12 @@ def wall_parts(scene: Any) -> list[Part]:
         moving_ones += mover >= 0
         parts += polyline_parts(moving.corners(wall), wall.closed, wall.friction, mover)
     return parts
+
+
+def wall_pairs_per_grain(scene: Any, diameter: float, capacity: int) -> int:
+    """Room for pairs with walls, over that for grains, with this mean diameter [m]."""
+    fine = sum(part.side == 0 and part.bounds[1] < FINE * diameter for part in wall_parts(scene))
+    return AMONG_FINE_WALLS if 4 * fine > capacity else WALL_PAIRS_PER_GRAIN
 
 
 def moving_walls(scene: Any) -> list[Any]:
