@@ -26,7 +26,11 @@ from taichi_sand.study.window_cost import real_time, showing
 SECONDS = 2.0
 BED_DEPTH = 30
 """Layers of the bed at rest that shows what a step costs: as deep for any number of grains, so that step and state are the same."""
-
+ADDED = {
+    "triangles": "triangles of the same discs, a third as many",
+    "boulder": "a boulder of 20 d, that falls onto them",
+    "wall": "a wall of 500 segments that none reaches",
+}
 FRONTS = {
     5000: ((0.2, 0.1, 0.04, 0.02, 0.01, 0.005), (480, 960, 1920), ("-f 240 -it 8 -pit 4", "-f 480 -it 8 -pit 4", "-f 960 -it 8 -pit 4")),
     20000: ((0.3, 0.08, 0.04, 0.02), (240,), ("-f 240 -it 10 -pit 5", "-f 480 -it 8 -pit 4")),
@@ -54,6 +58,32 @@ def settling(count: int, overrides: list[str]) -> dict[str, float]:
     end = time.process_time()
     overlap = overlaps(sim.positions, sim.radii, sim.scene.size[0]).mean()
     return {"cost": (end - start) / SECONDS, "overlap": float(overlap), "ns": 1e9 * (end - half) / (sim.steps - steps) / count}
+
+
+def with_more(scene: Any, more: str) -> Any:
+    """`scene` with a boulder of 20 d above its grains, with a wall of 500 segments up there that none reaches, or with triangles of three
+    of its discs, a third as many.
+    """
+    keys = scene.model_dump(exclude_unset=True)
+    (width, height), grains = scene.size, keys["grains"][0]
+    if more == "boulder":
+        keys["grains"] = [grains, {"positions": [[width / 2, height - 0.21, 0.2]], "density": grains["density"]}]
+    elif more == "wall":
+        keys["walls"] = [{"points": [[width * k / 500, height - 0.1 - 0.05 * (k % 2)] for k in range(501)]}]
+    elif more == "triangles":
+        keys["grains"] = [grains | {"shape": "triangle", "count": grains["count"] // 3, "pitch": 1.1, "jitter": 0.05}]
+    return type(scene)(**keys)
+
+
+def adding(count: int, kind: str, more: str) -> dict[str, float]:
+    """Cost (CPU seconds per simulated second) of settling with what `with_more` adds, and µs a step."""
+    from taichi_sand import Simulation
+
+    sim = Simulation(with_more(settle(count, [f"solver.kind={kind}"]), more), threads=1)
+    start = time.process_time()
+    sim.advance(SECONDS)
+    spent = time.process_time() - start
+    return {"cost": spent / SECONDS, "us": 1e6 * spent / sim.steps}
 
 
 def stepping(count: int, kind: str, threads: int, steps: int) -> dict[str, float]:
@@ -117,7 +147,7 @@ def native(program: str, count: int, options: list[str]) -> dict[str, float]:
 
 
 JOBS: dict[str, Callable[..., dict[str, float]]] = {
-    job.__name__: job for job in (settling, stepping, billiards, painting, pymunk, native, showing, real_time)
+    job.__name__: job for job in (settling, adding, stepping, billiards, painting, pymunk, native, showing, real_time)
 }
 
 
@@ -199,6 +229,17 @@ def scaling_table(runs: int, counts: list[int]) -> Table:
     return table
 
 
+def more_table(runs: int, count: int) -> Table:
+    """What clumps, a boulder and walls cost: settling with them, over settling without."""
+    table = Table("solver", "added", "per simulated second", "per step", title=f"{count} discs that settle, one thread: times as dear")
+    for kind in ("rigid", "md"):
+        ways = ("", "triangles", "boulder", "wall")
+        plain, *found = medians(runs, {more: (1, "adding", count, kind, more) for more in ways}).values()
+        for more, row in zip(ways[1:], found, strict=True):
+            table.add_row(kind, ADDED[more], f"{row['cost'] / plain['cost']:.2f}×", f"{row['us'] / plain['us']:.2f}×")
+    return table
+
+
 def window_table(runs: int) -> Table:
     """The window on the settle scene, 720 pixels wide, one CPU thread."""
     table = Table("grains", "paint and show", "… with the numbers", "frames/s", "real time", title="the window, ms of CPU time a picture")
@@ -216,6 +257,7 @@ def main() -> None:
     parser.add_argument("--native", type=Path, metavar="DIR", help="folder with floor_rigid and floor_md")
     parser.add_argument("--most", type=int, default=20000, help="most grains in the comparisons with peers")
     parser.add_argument("--window", action="store_true", help="what the window costs, and nothing else")
+    parser.add_argument("--more", action="store_true", help="what clumps, a boulder and walls cost, and nothing else")
     parser.add_argument("--job", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.job:
@@ -225,6 +267,9 @@ def main() -> None:
     console, runs, folder = Console(), given.runs, given.native
     if given.window:
         console.print(window_table(runs))
+        return
+    if given.more:
+        console.print(more_table(runs, 5000))
         return
     for count, (ladder, steps, programs) in FRONTS.items():
         if count <= given.most:

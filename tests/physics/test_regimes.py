@@ -86,15 +86,21 @@ def going_round(froude: float, grains: int) -> tuple[np.ndarray, np.ndarray]:
     sim = sand.Simulation(scene, threads=1)
     sim.advance(3.0)
     assert sim.lost == 0
+    return turning(sim, spin, 0.2365)
+
+
+def turning(sim: sand.Simulation, spin: float, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """How fast each grain goes round, over the spin of the drum, and its distance from the axis over the drum's radius."""
     way, v = sim.positions - 0.25, sim.velocities
-    return (way[:, 0] * v[:, 1] - way[:, 1] * v[:, 0]) / (way**2).sum(1) / spin, np.hypot(*way.T) / 0.2365
+    return (way[:, 0] * v[:, 1] - way[:, 1] * v[:, 0]) / (way**2).sum(1) / spin, np.hypot(*way.T) / radius
 
 
 def test_drum_centrifuges_fast() -> None:
     """B10: a layer goes round with the drum at Fr = 6, at 1.3 hardly a grain does.
 
     What is carried round needs friction of tan = 1 / sqrt(Fr^2 - 1) at most: 0.17 at 6, but 1.2 at 1.3, where it presses on the drum
-    with 0.3 of its weight at the top. Rolling discs at mu = 0.5 bear 0.3 (mu(I) at rest, B12), so Fr = 1.3 is not enough for them.
+    with 0.3 of its weight at the top. Rolling discs at mu = 0.5 bear 0.3 (mu(I) at rest, B12), so Fr = 1.3 is not enough for them. Nor
+    for the inner grains of a drum that is half full, whatever the friction: theirs is Fr = 0.92, and they fall.
     """
     share, radius = going_round(6.0, 600)
     print(f"Fr = 6: turning / that of the drum {share.min():.2f} .. {share.max():.2f}, inmost at {radius.min():.2f} of the radius")
@@ -102,6 +108,32 @@ def test_drum_centrifuges_fast() -> None:
     share, radius = going_round(1.3, 600)
     print(f"Fr = 1.3: {np.mean(np.abs(share - 1) < 0.1):.2f} go round, inmost at {radius.min():.2f} of the radius")
     assert np.mean(np.abs(share - 1) < 0.1) < 0.2 and radius.min() < 0.5
+
+
+@pytest.mark.parametrize("kind", ["rigid", "md"])
+@pytest.mark.parametrize(("froude", "all_round"), [(1.3, True), (0.8, False)])
+def test_grooved_drum_carries_all_round_above_one(froude: float, all_round: bool, kind: str) -> None:
+    """B10: grooves as wide as a grain hold steeper than 1.2. A hundred grains in 166 of them all go round with the drum at Fr = 1.3, and
+    go on to; at 0.8 those at the top fall.
+    """
+    fresh_taichi()
+    angles, radius = np.pi * np.arange(332) / 166, 0.24
+    rim = np.where(np.arange(332) % 2, radius - 0.0056, radius)
+    points = 0.25 + rim[:, None] * np.stack([np.cos(angles), np.sin(angles)], 1)
+    spin = -math.sqrt(froude * G / radius)
+    drum = {"closed": True, "points": points.tolist(), "spin": spin, "pivot": [0.25, 0.25]}
+    grains = {"radius": [0.003, 0.004], "count": 100, "region": [0.15, 0.05, 0.35, 0.2]}
+    keys = {"solver": {"kind": kind, "tolerance": 0.01}, "effects": {"friction": {"mu": 0.5}}}
+    sim = sand.Simulation(sand.Scene(size=[0.5, 0.5], seed=2, grains=[grains], walls=[drum], **keys), threads=1)
+    sim.advance(20.0)
+    slowest = []
+    for _ in range(10):
+        sim.advance(0.2)
+        share, _ = turning(sim, spin, radius)
+        slowest.append(float(share.min()))
+    print(f"Fr = {froude}, {kind}: the slowest grain at {min(slowest):.3f} .. {max(slowest):.3f} of the drum's spin")
+    assert sim.flags() == [] and sim.count == 100
+    assert (min(slowest) > 0.99) if all_round else (max(slowest) < 0.9)
 
 
 @pytest.mark.parametrize("seed", [6, 7])
