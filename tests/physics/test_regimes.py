@@ -190,7 +190,7 @@ def test_hopper_drains_at_one_rate() -> None:
     """The rate hardly depends on the fill: over eight bins, it is within 5 % of its mean from 3 widths to 1.2.
 
     The fill is that of the bin above its funnel, which is 71 degrees steep: nothing stays behind on it. From first to last the rate falls
-    by 4 to 6 %, with either solver, as the load at the outlet still grows with the fill (B1: L = 4 widths).
+    by 4 to 7 %, with either solver, as the load at the outlet still grows with the fill (B1: L = 4 widths).
     """
     rates = np.array([drain(seed) for seed in range(1, 9)])
     mean, fill = rates.mean(0), np.arange(6)
