@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from taichi_sand.scene.schema import Scene
-from taichi_sand.solvers.tolerance import Bed
+from taichi_sand.solvers.bed import Bed
 from taichi_sand.world import checkpoint
 
 

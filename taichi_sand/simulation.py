@@ -17,7 +17,8 @@ from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.packing import pack
 from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers import choose
-from taichi_sand.solvers.tolerance import REST, Bed, bed_of, depth_of, follows_tolerance
+from taichi_sand.solvers.bed import REST, Bed, bed_of, depth_of
+from taichi_sand.solvers.tolerance import follows_tolerance
 from taichi_sand.world import census, device, fields, sources
 from taichi_sand.world import hand as hands
 from taichi_sand.world.build import check_periodic, fill, make_world

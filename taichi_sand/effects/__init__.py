@@ -174,7 +174,7 @@ def structure(tables: Mapping[str, Any], grains: Any) -> dict[str, Any]:
 
 
 def bed(tables: Mapping[str, Any], world: Any) -> dict[str, float]:
-    """What the dial must know of these effects, as fields of solvers.tolerance.Bed: the longest step they allow, their pull and push."""
+    """What the dial must know of these effects, as fields of solvers.bed.Bed: the longest step they allow, their pull and push."""
     found = [(module(name), values) for name, values in tables.items()]
     steps = (effect.longest_step(values, world) for effect, values in found if hasattr(effect, "longest_step"))
     pulls = (effect.pull(values) for effect, values in found if hasattr(effect, "pull"))

@@ -13,7 +13,7 @@ from PIL import Image
 
 from taichi_sand.play.snapshot import Rows, Snapshot, to_bytes
 from taichi_sand.scene.schema import Scene
-from taichi_sand.solvers.tolerance import Bed
+from taichi_sand.solvers.bed import Bed
 from taichi_sand.view.film import mp4, put_in_place, scratch_beside
 from taichi_sand.world import checkpoint
 

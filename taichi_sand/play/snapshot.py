@@ -11,7 +11,7 @@ import numpy as np
 from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.schema import Scene
 from taichi_sand.simulation import Simulation
-from taichi_sand.solvers.tolerance import Bed
+from taichi_sand.solvers.bed import Bed
 from taichi_sand.world.checkpoint import read_field
 
 HOST = ("steps", "made", "removed", "epoch", "numbers", "bed", "scene")

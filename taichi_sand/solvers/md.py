@@ -11,9 +11,10 @@ from typing import Any
 
 import taichi as ti
 
+from taichi_sand.solvers.bed import Bed
 from taichi_sand.solvers.impulses import slip_of
 from taichi_sand.solvers.integrators import INTEGRATORS, Stages, allocate_stages
-from taichi_sand.solvers.tolerance import Bed, md_numbers
+from taichi_sand.solvers.tolerance import md_numbers
 from taichi_sand.world.clumps import levers, rim, tilt, torques
 from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, motion_of, perp, rolling, wrench
 from taichi_sand.world.ledger import set_off, split

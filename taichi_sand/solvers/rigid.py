@@ -14,9 +14,10 @@ from typing import Any
 
 import taichi as ti
 
+from taichi_sand.solvers.bed import Bed
 from taichi_sand.solvers.impacts import collide_all
 from taichi_sand.solvers.impulses import arms, cone, give, lay_by, levers_of, lowest, resist_rolling, slip_by, slip_of, speed_of
-from taichi_sand.solvers.tolerance import Bed, rigid_numbers
+from taichi_sand.solvers.tolerance import rigid_numbers
 from taichi_sand.world.geometry import add, at_least, distance_to_second, motion_of, movable, weigh_clumps, within, wrench
 from taichi_sand.world.ledger import settle_work
 from taichi_sand.world.links import pull_links

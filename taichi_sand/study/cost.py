@@ -22,7 +22,7 @@ import taichi_sand as sand
 from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.packing import pack
 from taichi_sand.solvers import choose
-from taichi_sand.solvers.tolerance import bed_of
+from taichi_sand.solvers.bed import bed_of
 from taichi_sand.study import errors
 from taichi_sand.study.laboratory import fresh_taichi
 

@@ -145,8 +145,7 @@ def make_world(
     least_cell, most_cells = plan_cells(scene.size, lengths["listed"] + lengths["bridge"], capacity)
     cells, lanes = round_up(most_cells + 1, 64 if layout == "cells" else LEAST_ROOM), LANES[layout]
     blocks = {"one": 1, "strips": STRIPS, "cells": cells}[layout]
-    wall_pairs = wall_pairs_per_grain(scene, diameter, capacity)
-    rows, wall_rows = (per * most_discs(pack) for per in (PAIRS_PER_GRAIN, wall_pairs))
+    rows, wall_rows = (per * most_discs(pack) for per in (PAIRS_PER_GRAIN, wall_pairs_per_grain(scene, diameter, capacity)))
     wall_half, wall_base = wall_rows * capacity, rows * (capacity + lanes * min(blocks, STRIPS)) + boulders
     world = World(
         grains=allocate_grains(real, capacity, pack.clumps),
