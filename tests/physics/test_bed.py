@@ -25,13 +25,13 @@ def test_frictionless_bed_gives_its_weight(kind: str) -> None:
     assert sim.flags() == []
 
 
-BOXES, WIDTH, HEIGHT = 5, 16.4 * D, 36 * D
+BOXES, WIDTH, HEIGHT = 10, 16.4 * D, 36 * D
 LAYER, LAYERS = 14, 11
 WALLS = [{"points": [[k * WIDTH, 0.0], [k * WIDTH, HEIGHT]]} for k in range(1, BOXES)]
 
 
 def settle(rows: list[list[float]], seconds: float) -> list[list[float]]:
-    """Rows x, y, radius, vx, vy, angle, spin after `seconds` in five boxes side by side."""
+    """Rows x, y, radius, vx, vy, angle, spin after `seconds` in boxes side by side."""
     solver = {"kind": "rigid", "restitution": 0.1, "tolerance": 0.02, "precision": 32}
     grains = [{"positions": rows, "density": 1000.0}]
     sim = simulate(grains, (BOXES * WIDTH, HEIGHT), solver, gravity=(0, -G), walls=WALLS, mu=0.3)
@@ -102,7 +102,7 @@ def box_order(x: np.ndarray, r: np.ndarray) -> tuple[float, float]:
 @pytest.mark.slow
 def test_slow_pouring_orders() -> None:
     """B13: equal discs poured at 0.2 layers per sqrt(d/g) are more ordered than those that fell all at once, and their crystals are
-    larger, by more than two standard errors over five boxes; discs of two sizes, 1 : 1.4, stay below 0.65.
+    larger, by more than two standard errors over ten boxes; discs of two sizes, 1 : 1.4, stay below 0.65.
     """
     slow, fast = order(layer_by_layer()), order(all_at_once((R,)))
     for key in ("psi6", "domain"):

@@ -17,15 +17,21 @@ DISC = math.pi * (RADII[0] ** 2 + RADII[0] * RADII[1] + RADII[1] ** 2) / 3  # me
 WIDTH = 31 * 0.006
 
 
-def silo_load(fill: float, mu: float, walls: list | None = None) -> tuple[float, float]:
-    """Force on the floor of a silo, filled to so many of its widths, as the floor is lowered slowly, and the weight of the grains [N]."""
+def silo_load(fill: float, mu: float, seed: int = 3) -> tuple[float, float]:
+    """Force on the floor of a silo, filled to so many of its widths, and the weight of the grains [N].
+
+    The floor is lowered slowly, by 5 d before the load is measured: a deep bed gives way by a d or two, and its grains have to slide along
+    the walls as far as that to bear on them.
+    """
     fresh_taichi()
-    height = 1.3 * fill * WIDTH + 0.05
-    grains = {"radius": RADII, "count": int(0.82 * fill * WIDTH**2 / DISC), "region": [0.0, 0.03, WIDTH, height]}
-    floor = {"points": [[0.0, 0.03], [WIDTH, 0.03]], "velocity": [0.0, -0.003]}
-    scene = sand.Scene(size=[WIDTH, height], grains=[grains], walls=[floor], seed=3, effects={"friction": {"mu": mu}})
+    speed, wait = 0.008, 4.0
+    low = 0.03 + speed * (wait + 1.0)
+    height = low + 1.3 * fill * WIDTH + 0.02
+    grains = {"radius": RADII, "count": int(0.82 * fill * WIDTH**2 / DISC), "region": [0.0, low, WIDTH, height]}
+    floor = {"points": [[0.0, low], [WIDTH, low]], "velocity": [0.0, -speed]}
+    scene = sand.Scene(size=[WIDTH, height], grains=[grains], walls=[floor], seed=seed, effects={"friction": {"mu": mu}})
     sim = sand.Simulation(scene, threads=1)
-    sim.advance(2.0)
+    sim.advance(wait)
     loads = []
     for _ in range(20):
         sim.advance(0.05)
@@ -34,14 +40,15 @@ def silo_load(fill: float, mu: float, walls: list | None = None) -> tuple[float,
 
 
 def test_silo_load_saturates() -> None:
-    """B1, Janssen: the load follows (1 - exp(-z / L)) within 5 %; L, 4 widths, is longer than slabs that slip everywhere would have."""
+    """B1, Janssen: the load follows (1 - exp(-z / L)) within 5 %, over four silos, with L = W / (2 mu K), 1.67 widths for K = 0.6."""
     fills = [0.5, 1.0, 1.75, 2.75, 4.0]
-    found = np.array([silo_load(fill, 0.5) for fill in fills])
+    found = np.mean([[silo_load(fill, 0.5, seed) for fill in fills] for seed in range(3, 7)], 0)
     law = lambda z, most, length: most * (1 - np.exp(-z / length))
     (most, length), _ = curve_fit(law, fills, found[:, 0], p0=(found[-1, 0], 1.5))
     residual = np.abs(law(np.array(fills), most, length) - found[:, 0]).max() / found[-1, 0]
     print(f"loads {found[:, 0].round()} of weights {found[:, 1].round()}, limit {most:.0f} N, L = {length:.2f} W, residual {residual:.3f}")
-    assert residual < 0.05 and found[-1, 0] < 0.6 * found[-1, 1]
+    assert residual < 0.05 and found[-1, 0] < 0.55 * found[-1, 1]
+    assert 1.2 < length < 2.4
 
 
 def test_smooth_silo_bears_its_weight() -> None:
@@ -190,7 +197,7 @@ def test_hopper_drains_at_one_rate() -> None:
     """The rate hardly depends on the fill: over eight bins, it is within 5 % of its mean from 3 widths to 1.2.
 
     The fill is that of the bin above its funnel, which is 71 degrees steep: nothing stays behind on it. From first to last the rate falls
-    by 4 to 7 %, with either solver, as the load at the outlet still grows with the fill (B1: L = 4 widths).
+    by 4 to 7 %, with either solver, as the load at the outlet still grows with the fill (B1).
     """
     rates = np.array([drain(seed) for seed in range(1, 9)])
     mean, fill = rates.mean(0), np.arange(6)
