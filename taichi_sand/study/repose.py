@@ -1,6 +1,6 @@
 """Angles of repose: heaps poured on a rough base, and a layer of grains that is tilted until it avalanches (physics.md B4).
 
-`python -m taichi_sand.study.repose` prints both as tables; `--quick` takes two seeds.
+`python -m taichi_sand.study.repose` prints both as tables.
 
 Heap: grains rain from a small source onto a row of fixed discs WIDTH diameters long; what rolls over its ends leaves. When all has come
 to rest, straight lines are fitted to the tops of the middle 60 % of either flank; the angle is the mean of both.
@@ -186,19 +186,18 @@ def heaps(seeds: int) -> dict[tuple[str, str], Angle]:
 def main(arguments: list[str] | None = None) -> None:
     """Prints the tables."""
     parser = argparse.ArgumentParser(prog="python -m taichi_sand.study.repose", description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="two seeds instead of five")
+    parser.add_argument("--seeds", type=int, default=5, help="heaps and layers of each kind")
     parser.add_argument("--only", choices=("heaps", "layers"), help="one of the tables")
     options: Any = parser.parse_args(arguments)
-    seeds = 2 if options.quick else 5
     if options.only != "layers":
         print("heap [degrees]  " + "  ".join(f"{shape:>12}" for shape in SHAPES))
-        found = heaps(seeds)
+        found = heaps(options.seeds)
         for kind in SOLVERS:
             print(f"{kind:<14}  " + "  ".join(f"{found[kind, shape]!s:>12}" for shape in SHAPES), flush=True)
     if options.only != "heaps":
         print(f"{'layer [degrees]':<14} {'avalanche':>12}  {'repose':>12}")
         for kind in SOLVERS:
-            both = [layer(kind, seed) for seed in range(seeds)]
+            both = [layer(kind, seed) for seed in range(options.seeds)]
             print(f"{kind:<14}  " + "  ".join(f"{Angle.of(list(column))!s:>12}" for column in zip(*both, strict=True)), flush=True)
 
 
