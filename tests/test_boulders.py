@@ -50,7 +50,9 @@ def test_no_contact_is_missed(kind: str, case: str, monkeypatch: pytest.MonkeyPa
     assert met > 50 and sim.flags() == [] and sim.count == 1505
 
 
-SHAKES = pytest.mark.xfail(reason="on grains 75 times as light it goes on rolling and shaking at 0.05 m/s")
+SHAKES = pytest.mark.xfail(
+    reason="it often rolls on for seconds, at 0.05 m/s: by the time the slow reference lifts what a grain bears, the boulder is past it"
+)
 
 
 @pytest.mark.parametrize("kind", [pytest.param("rigid", marks=SHAKES), "md"])
