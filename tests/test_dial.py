@@ -59,7 +59,7 @@ def test_what_presses_on_a_pile_is_seen_by_its_overlaps(kind: str) -> None:
 
 
 def test_a_boulder_presses_with_its_weight_over_its_width() -> None:
-    """A bed ten grains deep bears a boulder of twenty, of their density: 10 + (pi / 4) 20^2 / 20 / (pi / 4) = 30 grains on those below."""
+    """A bed ten grains deep bears a boulder of twenty, of their density: 10 + 20^2 / 20 = 30 grains in a column."""
     x, y = np.arange(200) + 0.5, np.arange(10) + 0.5
     bed = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
     place, radius = np.vstack([bed, [[100.0, 20.0]]]), np.append(np.full(len(bed), 0.5), 10.0)
