@@ -57,14 +57,14 @@ SHAKES = pytest.mark.xfail(
 
 @pytest.mark.parametrize("kind", [pytest.param("rigid", marks=SHAKES), "md"])
 def test_a_boulder_is_pushed_as_any_grain(kind: str) -> None:
-    """A boulder on a bed bears on the floor with its weight, through the grains below it; it may still roll at a centimetre a second."""
+    """A boulder at rest on a bed bears on the floor with its weight, through the grains below it."""
     bed = {"radius": 0.005, "count": 300, "fill": "hexagonal", "region": [0.2, 0.0, 0.8, 0.1]}
     sides = [{"points": [[x, 0.0], [x, 0.5]]} for x in (0.2, 0.8)]
     sim = pour(kind, [bed, {"positions": [[0.5, 0.16, 0.1]], "density": 500.0}], walls=sides)
     assert sim.world.boulders > 0
     sim.advance(1.0)
     weight = (300 * 2650 * math.pi * 0.005**2 + 500 * math.pi * 0.1**2) * G
-    assert sim.report()["kinetic_energy_J"] < 1e-3 * weight * 0.005
+    assert sim.report()["kinetic_energy_J"] < 1e-4 * weight * 0.005
     up = -sum(c.force[0] * c.normal[1] + c.force[1] * c.normal[0] for c in listed(sim) if c.wall)
     assert up == pytest.approx(weight, rel=0.01)
 

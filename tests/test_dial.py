@@ -4,12 +4,10 @@ import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from helpers import digest, simulate
 
 import taichi_sand as sand
-from taichi_sand.solvers.bed import PACKING, depth_of
 from taichi_sand.solvers.tolerance import RIGID_LOAD, SAG
 
 FUNNEL = [{"points": [[0.0, 0.5], [0.26, 0.25], [0.26, 0.0]]}, {"points": [[0.6, 0.5], [0.34, 0.25], [0.34, 0.0]]}]
@@ -56,12 +54,3 @@ def test_what_presses_on_a_pile_is_seen_by_its_overlaps(kind: str) -> None:
     report = sim.report()
     assert worst > 2 * report["tolerance"] >= 2 * report["overlap_p99"] > 0.4 * report["tolerance"], (worst, report["overlap_p99"])
     assert 1.4 < sim.bed.strain < 16 and sim.flags() == []
-
-
-def test_a_boulder_presses_with_its_weight_over_its_width() -> None:
-    """A bed ten grains deep bears a boulder of twenty, of their density: 10 + 20^2 / 20 = 30 grains in a column."""
-    x, y = np.arange(200) + 0.5, np.arange(10) + 0.5
-    bed = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
-    place, radius = np.vstack([bed, [[100.0, 20.0]]]), np.append(np.full(len(bed), 0.5), 10.0)
-    depth, _ = depth_of(place, radius, np.pi * radius**2, (0.0, -9.81))
-    assert depth == pytest.approx(30 * math.pi / 4 / PACKING, rel=0.03)

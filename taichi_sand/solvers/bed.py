@@ -90,24 +90,19 @@ def depth_of(position: np.ndarray, radius: np.ndarray, mass: np.ndarray, gravity
     diameter, area = 2 * float(radius.mean()), math.pi * radius**2
     axis = 1 if abs(gravity[1]) >= abs(gravity[0]) else 0
     across, height = position[:, 1 - axis], -math.copysign(1.0, gravity[axis]) * position[:, axis]
-    density = mass / area
-    octave = np.floor(np.log2(density / density.min()) + 1e-3)
-    wide = np.maximum(np.rint(2 * radius / diameter).astype(int), 1)  # a boulder lies on all columns that it covers
-    each = np.repeat(np.arange(len(radius)), wide)
-    nth = np.arange(len(each)) - np.repeat(np.cumsum(wide) - wide, wide)
-    across, height = across[each] + diameter * (nth + 0.5 - 0.5 * wide[each]), height[each]
-    part, lies = (mass / wide)[each], octave[each]
     column = np.floor((across - across.min()) / diameter).astype(int)
     columns = column.max() + 1
     ones = np.ones(min(WINDOW, columns))
     held = np.maximum(np.convolve(np.bincount(column, minlength=columns) > 0, ones, "valid"), 1)
+    density = mass / area
+    octave = np.floor(np.log2(density / density.min()) + 1e-3)
     depth, heaviest = 1.0, 0.0
     for kind in np.unique(octave):
         floor = np.full(columns, np.inf)
-        np.minimum.at(floor, column[lies == kind], height[lies == kind])
+        np.minimum.at(floor, column[octave == kind], height[octave == kind])
         reach = np.pad(floor, WINDOW, constant_values=np.inf)
         floor = np.lib.stride_tricks.sliding_window_view(reach, 2 * WINDOW + 1).min(axis=1)
-        above = np.bincount(column, part * (height >= floor[column]), columns)
+        above = np.bincount(column, mass * (height >= floor[column]), columns)
         load = float((np.convolve(above, ones, "valid") / held).max())
         depth = max(depth, load / (PACKING * diameter**2 * float(density[octave == kind].min())))
         heaviest = max(heaviest, load)
