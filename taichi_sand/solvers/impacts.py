@@ -2,8 +2,8 @@
 
 import taichi as ti
 
-from taichi_sand.solvers.impulses import arms, cone, give, levers_of, lowest, slip_by, slip_of, speed_of, tangential_mass
-from taichi_sand.world.geometry import add, motion_of, movable, within
+from taichi_sand.solvers.impulses import arms, cone, give, lowest, meeting, slip_by, slip_of, tangential_mass
+from taichi_sand.world.geometry import add, movable, within
 from taichi_sand.world.ledger import drive, settle_work
 from taichi_sand.world.sweep import each_grain, nothing, sweep
 
@@ -26,12 +26,7 @@ def collide(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     What is reflected is the velocity of the moment, with half the step's gravity: with all of it a bounce would add speed * g h.
     """
     pairs = ti.static(w.pairs)
-    i = pairs.first[p]
-    j = i if ti.static(wall) else pairs.second[p]
-    normal, gap = pairs.normal[p], pairs.gap[p]
-    motion = motion_of(w, p, i, j, gap + pairs.contact_distance[p], normal, wall)
-    lever = levers_of(w, p)
-    speed = speed_of(w, i, j, motion, normal, lever, wall)
+    i, j, normal, gap, motion, lever, speed = meeting(w, p, wall)
     if speed < -c.threshold and speed * c.step + gap < 0.0 and (free(w, i) or free(w, j)):
         arm_i, arm_j = arms(w, i, j, gap, lever, wall)
         kicked = (movable(w, j) - movable(w, i) if ti.static(not wall) else -movable(w, i)) * w.box[None].gravity.dot(normal) * c.step

@@ -3,7 +3,7 @@
 import taichi as ti
 
 from taichi_sand.world.clumps import tilt, torques
-from taichi_sand.world.geometry import add, couple, perp, rolling, spin, within, wrench
+from taichi_sand.world.geometry import add, couple, motion_of, perp, rolling, spin, within, wrench
 from taichi_sand.world.ledger import set_off, strike
 
 
@@ -52,6 +52,19 @@ def speed_of(w: ti.template(), i, j, motion, normal, lever, wall: ti.template())
     if ti.static(w.clumps):
         speed += tilt(w, i, j, lever, wall)
     return speed
+
+
+@ti.func
+def meeting(w: ti.template(), p, wall: ti.template()):
+    """Grains i and j of pair p (of a wall pair i twice), its normal and gap, the motion of the second as seen from the first, its levers,
+    and the speed at which the surfaces part.
+    """
+    i = w.pairs.first[p]
+    j = i if ti.static(wall) else w.pairs.second[p]
+    normal, gap = w.pairs.normal[p], w.pairs.gap[p]
+    motion = motion_of(w, p, i, j, gap + w.pairs.contact_distance[p], normal, wall)
+    lever = levers_of(w, p)
+    return i, j, normal, gap, motion, lever, speed_of(w, i, j, motion, normal, lever, wall)
 
 
 @ti.func

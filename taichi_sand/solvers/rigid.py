@@ -16,9 +16,9 @@ import taichi as ti
 
 from taichi_sand.solvers.bed import Bed
 from taichi_sand.solvers.impacts import collide_all
-from taichi_sand.solvers.impulses import arms, cone, give, lay_by, levers_of, lowest, resist_rolling, slip_by, slip_of, speed_of
+from taichi_sand.solvers.impulses import arms, cone, give, lay_by, lowest, meeting, resist_rolling, slip_by, slip_of
 from taichi_sand.solvers.tolerance import rigid_numbers
-from taichi_sand.world.geometry import add, at_least, distance_to_second, motion_of, movable, weigh_clumps, within, wrench
+from taichi_sand.world.geometry import add, at_least, distance_to_second, movable, weigh_clumps, within, wrench
 from taichi_sand.world.ledger import settle_work
 from taichi_sand.world.links import pull_links
 from taichi_sand.world.motion import drift, with_body
@@ -111,12 +111,7 @@ def lay_nothing_by(w: ti.template(), s: ti.template(), c: ti.template(), start, 
 def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template(), soft: ti.template()):
     """Solves pair p for its impulse: soft, pushing overlap out, or hard, for the velocity alone. Returns the impulse it carries."""
     pairs = ti.static(w.pairs)
-    i = pairs.first[p]
-    j = i if ti.static(wall) else pairs.second[p]
-    normal, gap = pairs.normal[p], pairs.gap[p]
-    motion = motion_of(w, p, i, j, gap + pairs.contact_distance[p], normal, wall)
-    lever = levers_of(w, p)
-    speed = speed_of(w, i, j, motion, normal, lever, wall)
+    i, j, normal, gap, motion, lever, speed = meeting(w, p, wall)
     carried = pairs.force[p] * c.step
     low = lowest(w, s, c, p, gap, gap + ti.static(0.5 if soft else -0.5) * c.step * speed)
     held = carried.x != 0.0 or low < 0.0
