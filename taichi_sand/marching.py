@@ -61,7 +61,7 @@ def steps_in_one(w: ti.template(), s: ti.template(), steps: ti.i32) -> ti.i32:
         while not drowsy(w) and (called(w) or w.pace[None].spent == 1 or w.pace[None].done < end):
             make_ready(w, s)
             if w.pace[None].done < end and not called(w):
-                s.step(w, s)
+                s.step(w, s, True)
                 close_step(w)
                 if ti.static(len(watchers(s)) > 0):
                     if w.pace[None].done % w.pace[None].watch == 0:
@@ -70,9 +70,9 @@ def steps_in_one(w: ti.template(), s: ti.template(), steps: ti.i32) -> ti.i32:
 
 
 @ti.kernel
-def step_alone(w: ti.template(), s: ti.template()):
-    """One step, its loops over blocks in parallel; nothing happens if a search is due."""
-    s.step(w, s)
+def step_alone(w: ti.template(), s: ti.template(), impacts: ti.template()):
+    """One step, its loops over blocks in parallel; nothing happens if a search is due. `impacts`: see solvers.rigid.step."""
+    s.step(w, s, impacts)
     close_step(w)
 
 
@@ -86,6 +86,18 @@ def watch_alone(w: ti.template(), s: ti.template()):
 def renew_alone(w: ti.template(), s: ti.template()):
     """The solver starts anew, between steps."""
     start_anew(w, s)
+
+
+def may_be_calm(world: Any, solver: Any) -> bool:
+    """Whether steps without impacts are launched as such. Soft contacts know none, and a GPU would have to be waited for at every step."""
+    return world.layout == "strips" and solver.meets
+
+
+def compile_steps(world: Any, solver: Any) -> None:
+    """Compiles the steps of a large world: one that finds its search spent does nothing."""
+    if world.layout != "one":
+        for impacts in (True, False)[: 1 + may_be_calm(world, solver)]:
+            step_alone(world, solver, impacts)
 
 
 def renew(world: Any, solver: Any) -> None:
@@ -104,6 +116,7 @@ def march(world: Any, solver: Any, done: int, end: int) -> None:
             done = world.pace[None].done
         return
     every, looked = world.pace[None].watch, done
+    calms, impacts = may_be_calm(world, solver), world.pace.get_member_field("impacts")
     while True:
         spent, done = progress(world)
         if every and done % every == 0 and done != looked:
@@ -118,4 +131,4 @@ def march(world: Any, solver: Any, done: int, end: int) -> None:
         if done == end:
             break
         for _ in range(min(BATCH, end - done, every - done % every if every else BATCH)):
-            step_alone(world, solver)
+            step_alone(world, solver, not calms or bool(impacts[None]))

@@ -97,8 +97,7 @@ class Simulation(Keeping, Readings):
         pace = self.world.pace
         pace[None].spent = 1
         self._set_pace()
-        if self.world.layout != "one":
-            marching.step_alone(self.world, self.solver)  # only compiles: a step that finds its search spent does nothing
+        marching.compile_steps(self.world, self.solver)
         self._march(0)
         if self.world.layout == "cells" and not census.all_listed(self.world):
             raise SandError(f"--arch {self.arch}: its driver leaves out parts of the search for contacts; take --arch cpu", "arch")

@@ -7,7 +7,7 @@ mass of the pair, so that pairs of all sizes have the same restitution.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import taichi as ti
 
@@ -48,6 +48,7 @@ class MolecularDynamics:
     effects: tuple
     step: Any  # ti.func of one step
     books: bool  # whether an effect has the hook `heat`
+    meets: ClassVar[bool] = False  # whether some steps have impacts, and others none
 
 
 @ti.func
@@ -170,8 +171,8 @@ def hold(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, overlap,
 
 
 @ti.func
-def step(w: ti.template(), s: ti.template()):
-    """One step: the integrator sweeps the forces of all pairs, and moves the grains."""
+def step(w: ti.template(), s: ti.template(), impacts: ti.template()):
+    """One step: the integrator sweeps the forces of all pairs, and moves the grains; `impacts` are forces like others."""
     c = s.constants[None]
     s.integrator(w, s, c, (contact,))
 

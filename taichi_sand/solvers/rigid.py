@@ -10,7 +10,7 @@ not remembered as a carried force.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import taichi as ti
 
@@ -23,7 +23,7 @@ from taichi_sand.world.ledger import settle_work
 from taichi_sand.world.links import pull_links
 from taichi_sand.world.motion import drift, with_body
 from taichi_sand.world.movers import feel, place_walls
-from taichi_sand.world.sweep import each_grain, each_pair, going, nothing, sweep
+from taichi_sand.world.sweep import each_grain, each_pair, going, nothing, sweep, sweep_twice, sweeps_join
 from taichi_sand.world.tables import World, fill_struct
 
 MEMORY = 1
@@ -77,6 +77,7 @@ class Rigid:
     step: Any  # ti.func of one step
     renew: Any  # ti.func that starts it anew after grains, walls, the step or who sleeps have changed
     books: bool  # whether an effect has the hook `heat`
+    meets: ClassVar[bool] = True  # whether some steps have impacts, and others none
 
 
 @ti.func
@@ -203,24 +204,30 @@ def renew(w: ti.template(), s: ti.template()):
 
 
 @ti.func
-def step(w: ti.template(), s: ti.template()):
-    """One sub-step."""
+def step(w: ti.template(), s: ti.template(), impacts: ti.template()):
+    """One sub-step; `impacts` unless it is known that there are none."""
     c = s.constants[None]
     if ti.static(w.moves):
         place_walls(w, 0.0, 0.5)
     pull_links(w, s, c, going)
-    if w.pace[None].spent == 0:
-        w.pace[None].guess = w.pace[None].impacts
-    each_grain(w, kick, s, c)
-    collide_all(w, s, c)
-    sweep(w, (solve,), move, s, c, going)
-    if ti.static(w.moves):
-        place_walls(w, 1.0, 0.5)
-    if ti.static(w.layout == "cells"):
-        each_pair(w, look, s, c, going)
-        sweep(w, (relax,), nothing, s, c, going)
+    if ti.static(impacts):
+        if w.pace[None].spent == 0:
+            w.pace[None].guess = w.pace[None].impacts
+        each_grain(w, kick, s, c)
+        collide_all(w, s, c)
+    if ti.static(sweeps_join(w)):
+        sweep_twice(w, nothing if ti.static(impacts) else kick, (solve,), move, (look, relax), s, going)
     else:
-        sweep(w, (look, relax), nothing, s, c, going)
+        if ti.static(not impacts):
+            each_grain(w, kick, s, c)
+        sweep(w, (solve,), move, s, c, going)
+        if ti.static(w.moves):
+            place_walls(w, 1.0, 0.5)
+        if ti.static(w.layout == "cells"):
+            each_pair(w, look, s, c, going)
+            sweep(w, (relax,), nothing, s, c, going)
+        else:
+            sweep(w, (look, relax), nothing, s, c, going)
 
 
 def numbers(scene: Any, bed: Bed) -> dict[str, float]:

@@ -143,7 +143,7 @@ def make_world(
     diameter, sight = lengths["diameter"], lengths["largest"] / 2 + MOST_REACH * lengths["diameter"] + lengths["bridge"]
     spacing, sites = lay_lattice(scene.size, diameter, capacity)
     least_cell, most_cells = plan_cells(scene.size, lengths["listed"] + lengths["bridge"], capacity)
-    cells, lanes = round_up(most_cells + 1, 64 if layout == "cells" else LEAST_ROOM), LANES[layout]
+    cells, lanes = round_up(most_cells + 1, 64 if layout == "cells" else LEAST_ROOM), LANES[layout, scene.solver.kind]
     blocks = {"one": 1, "strips": STRIPS, "cells": cells}[layout]
     rows, wall_rows = (per * most_discs(pack) for per in (PAIRS_PER_GRAIN, wall_pairs_per_grain(scene, diameter, capacity)))
     wall_half, wall_base = wall_rows * capacity, rows * (capacity + lanes * min(blocks, STRIPS)) + boulders

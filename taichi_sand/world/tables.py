@@ -27,11 +27,18 @@ PAIRS_PER_GRAIN = 6
 WALL_PAIRS_PER_GRAIN, AMONG_FINE_WALLS = 3, 16
 """Room for the pairs of a disc with parts of walls: three, as a third of the discs at most lie at walls and have six; where walls are in
 more small parts than there are grains to share the room, as many as a disc in a groove may have."""
-LANES = {"one": 4, "strips": 2, "cells": 1}
+LANES = {
+    ("one", "md"): 4,
+    ("one", "rigid"): 4,
+    ("strips", "md"): 2,
+    ("strips", "rigid"): 4,
+    ("cells", "md"): 1,
+    ("cells", "rigid"): 1,
+}
 """A block's grains are dealt into this many runs, and its pairs are stored one of each run in turn: consecutive rows then share no
 grain, and a processor works on several at once instead of waiting for the last one's result. Four are twice as fast as one; more gain
-nothing, and cost where the world no longer fits the caches, as a processor fetches only some dozens of streams ahead (md, ns a grain
-with 2, 4 and 8: 27.8, 26.8, 26.8 for 1000, 32.1, 33.3, 38.3 for 20000 grains; 36, 40, 49 for 100000 in strips)."""
+nothing, and cost where the world no longer fits the caches, as a processor fetches only some dozens of streams ahead (ns a grain with
+2, 4 and 8: md 27.8, 26.8, 26.8 for 1000, 32.1, 33.3, 38.3 for 20000 grains; for 100000 in strips md 36, 40, 49, rigid 60, 56, 83)."""
 ABREAST = 16
 """Grains that are looked at together: a vector of the widest processors."""
 FEW_ABREAST = 4
