@@ -228,8 +228,10 @@ def distance_to_second(w: ti.template(), p, i, wall: ti.template()):
                 pairs.side[q] = ti.select(rest.dot(perp(along)) < 0.0, 1.0, -1.0)
     else:
         rest = pairs.reach[p] + (moved(w, p, pairs.second[p], True) - moved(w, p, i, False))
-        distance = ti.sqrt(rest.dot(rest) + 1e-30)
-        normal = rest / distance
+        square = rest.dot(rest) + 1e-30
+        inverse = 1.0 / ti.sqrt(square)
+        normal = rest * inverse
+        distance = square * inverse
     return distance, normal
 
 
