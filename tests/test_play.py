@@ -449,8 +449,9 @@ def test_dragging_one_disc_of_billiards_moves_them_all(table_of_balls: Playing) 
     window.key("equal", "equal")
     window.until(lambda later: later["time"] > now["time"] + 20)
     paused(window)
-    moved = np.hypot(*(saved(window)["position"] - start).T)
-    assert (moved > 0.01).all()
+    end = saved(window)
+    moved, speed = np.hypot(*(end["position"] - start).T), np.hypot(*end["twist"][:, :2].T)
+    assert ((moved > 0.01) | (speed > 0.01)).all()  # one may be passing through where it started
 
 
 def test_the_next_scene_and_the_one_before_and_leaving(table_of_balls: Playing) -> None:
