@@ -25,10 +25,10 @@ SOFT_DAMPING, CLUMP_DAMPING = 20.0, 5.0
 """Damping ratio of the soft contact, of discs and of grains of several discs. The overlap answers a force in 2 ratio / omega, and an answer
 that comes late feeds a swing: with 20 pyramids of clumps that are 100 rows high shake themselves apart, at any step. With 5 columns of
 100 discs ring for minutes."""
-DEEP_DAMPING = 0.25
-"""Discs: the ratio is at least this times the depth in grains, as what swings in a deep pile is slower still. (Settle 116 deep: kinetic
-energy after 2 s, in m g r, 4e-4 with 20, 3e-5 with 30, 9e-5 with 60; 234 deep 3e-2 with 20, 2e-3 with 30, 9e-4 with 60. Shallow ones
-rest later with 30 than with 20.)"""
+DEEP_DAMPING, MOST_DAMPED = 0.25, 60.0
+"""Discs: the ratio is at least this times the depth in grains, up to MOST_DAMPED: what swings in a deep pile is slower still. (Settle
+116 deep: kinetic energy after 2 s, in m g r, 4e-4 with 20, 3e-5 with 30, 9e-5 with 60; 234 deep 3e-2 with 20, 2e-3 with 30, 9e-4 with
+60. Shallow ones rest later with 30 than with 20.)"""
 LONGEST_STEP = 1 / 240
 """No step of the rigid solver is longer [s]."""
 REFERENCE_STEPS, LEAST_REFERENCE_STEPS = 0.03, 40.0
@@ -181,7 +181,8 @@ def rigid_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     _check_step(scene, key, step, bed)
     hertz = solver.hertz or SOFT_HERTZ / step
     omega = 2 * math.pi * hertz
-    a1 = 2 * (CLUMP_DAMPING if bed.clumps else max(SOFT_DAMPING, DEEP_DAMPING * bed.depth)) + step * omega
+    deep = min(DEEP_DAMPING * bed.depth, MOST_DAMPED)
+    a1 = 2 * (CLUMP_DAMPING if bed.clumps else max(SOFT_DAMPING, deep)) + step * omega
     a2 = step * omega * a1
     unit = math.sqrt(max(bed.gravity, 0.0) * bed.diameter)
     reference_steps = max(REFERENCE_STEPS * bed.depth**2, LEAST_REFERENCE_STEPS) * (CLUMPS_SLOWER if bed.clumps else 1.0)
