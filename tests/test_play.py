@@ -447,11 +447,13 @@ def test_dragging_one_disc_of_billiards_moves_them_all(table_of_balls: Playing) 
         window.to(x + 0.03 * k, y + 0.01 * k)
     window.release()
     window.key("equal", "equal")
-    window.until(lambda later: later["time"] > now["time"] + 20)
-    paused(window)
-    end = saved(window)
-    moved, speed = np.hypot(*(end["position"] - start).T), np.hypot(*end["twist"][:, :2].T)
-    assert ((moved > 0.01) | (speed > 0.01)).all()  # one may be passing through where it started
+    moved = np.zeros(len(start))
+    for seconds in (20, 21):  # at one look a disc may be passing through where it started
+        paused(window, False)
+        window.until(lambda later, seconds=seconds: later["time"] > now["time"] + seconds)
+        paused(window)
+        moved = np.maximum(moved, np.hypot(*(saved(window)["position"] - start).T))
+    assert (moved > 0.01).all()
 
 
 def test_the_next_scene_and_the_one_before_and_leaving(table_of_balls: Playing) -> None:

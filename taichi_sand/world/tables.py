@@ -38,7 +38,7 @@ LANES = {
 """A block's grains are dealt into this many runs, and its pairs are stored one of each run in turn: consecutive rows then share no
 grain, and a processor works on several at once instead of waiting for the last one's result. Four are twice as fast as one; more gain
 nothing, and cost where the world no longer fits the caches, as a processor fetches only some dozens of streams ahead (ns a grain with
-2, 4 and 8: md 27.8, 26.8, 26.8 for 1000, 32.1, 33.3, 38.3 for 20000 grains; for 100000 in strips md 36, 40, 49, rigid 60, 56, 83)."""
+2, 4 and 8: md 27.8, 26.8, 26.8 for 1000, 32.1, 33.3, 38.3 for 20000 grains; for 100000 in strips md 36, 40, 49, rigid 65, 61, 68)."""
 ABREAST = 16
 """Grains that are looked at together: a vector of the widest processors."""
 FEW_ABREAST = 4
