@@ -96,11 +96,13 @@ def stress(
     tolerance: Annotated[list[float] | None, typer.Option("--tolerance", help="Instead of 0.05, 0.02 and 0.01; repeatable.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Without the cases that take minutes.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Prints all gates as JSON, and nothing else, on stdout.")] = False,
-    markdown: Annotated[bool, typer.Option("--markdown", help="Prints a line a case, as the README has it.")] = False,
+    markdown: Annotated[bool, typer.Option("--markdown", help="Prints a line a case, as the documentation has it.")] = False,
     film: Annotated[
         Path | None, typer.Option("--film", metavar="DIR", help="Writes a picture of the end of each into this folder.")
     ] = None,
-    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Cases at a time, each in a process of its own; else one a core.")] = CORES,
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", min=1, help="Cases at a time, each in a process of its own; else one a core.")
+    ] = None,
 ) -> None:
     """Runs the hard cases: a row each, exit 1 if one fails."""
     with cli.in_one_sentence():
@@ -114,7 +116,7 @@ def stress(
             cli.check_writable(film / "any")
             film.mkdir(parents=True, exist_ok=True)
         with cli.progress_bar("stress") as progress:
-            done = hard.run_all(asked, min(jobs, len(asked)), film, progress)
+            done = hard.run_all(asked, min(jobs or CORES, len(asked)), film, progress)
         if as_json:
             print(json.dumps([row.to_dict() for row in done]))
         elif markdown:

@@ -129,16 +129,16 @@ def test_an_effect_without_a_hook_is_told() -> None:
         del effects.own["idle"]
 
 
-def readme_example() -> tuple[str, str]:
-    """Name and text of the effect that the README shows."""
-    found = re.search(r"```python\n# (\w+)\.py\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
+def example() -> tuple[str, str]:
+    """Name and text of the effect that the tutorial shows."""
+    found = re.search(r"```python\n# (\w+)\.py\n(.*?)```", (ROOT / "docs" / "tutorial" / "effect.md").read_text("utf-8"), re.DOTALL)
     assert found
     return found[1], found[2]
 
 
-def test_the_example_of_the_readme(tmp_path: Path) -> None:
+def test_the_example_of_the_tutorial(tmp_path: Path) -> None:
     """Under 30 lines; on with `--effect`, set with `--set`, does what it says: discs circle about the middle of the box."""
-    name, text = readme_example()
+    name, text = example()
     assert len(text.splitlines()) < 30
     (tmp_path / f"{name}.py").write_text(text)
     (tmp_path / "scene.toml").write_text("size = [1, 1]\ngravity = [0, 0]\n[[grains]]\nradius = 0.01\npositions = [[0.7, 0.5]]\n")

@@ -470,8 +470,8 @@ def test_the_next_scene_and_the_one_before_and_leaving(table_of_balls: Playing) 
     assert window.process.wait(20) == 0
 
 
-def test_the_readme_has_the_keys() -> None:
-    assert table() in (Path(__file__).parents[1] / "README.md").read_text("utf-8")
+def test_the_reference_has_the_keys() -> None:
+    assert table() in (Path(__file__).parents[1] / "docs" / "reference" / "window.md").read_text("utf-8")
     assert len({key.key for key in KEYS}) == len(KEYS)
 
 

@@ -70,12 +70,12 @@ def test_all_scenes_of_the_first_issue_are_there() -> None:
 
 
 @pytest.mark.parametrize("table", [Scene, Edges, Solver, Grains, Wall, View])
-def test_every_key_explains_itself_here_and_in_the_readme(table: type) -> None:
-    readme = (ROOT / "README.md").read_text("utf-8")
+def test_every_key_explains_itself_here_and_in_the_reference(table: type) -> None:
+    reference = (ROOT / "docs" / "reference" / "scene.md").read_text("utf-8")
     for name, field in table.model_fields.items():
         assert field.description and "\n" not in field.description, name
         assert "unit" in field.json_schema_extra, name
-        assert re.search(rf"`{name}\b", readme), f"{table.__name__}.{name} is not in the README"
+        assert re.search(rf"`{name}\b", reference), f"{table.__name__}.{name} is not in the reference"
 
 
 def test_an_integer_is_a_number_and_a_switch_is_not() -> None:

@@ -18,9 +18,16 @@ normal force exceeds 1e-3 of the mean one; a rattler has fewer than two such con
 Up is against gravity (+y without gravity).
 `floor_force_N`: downward force on the walls that rise less than 80 degrees, friction and what bridges pull included; a bed at rest
 between smooth sides gives its weight.
-`heat_J`, `wetness_mean`, `momentum_taken_Ns`: only with the effects `heat`, `moisture` and `safe_direction`: energy that contacts have
-turned into heat, of the grains present; mean wetness, weighted by mass; momentum that the rule has taken from them, [x, y].
+`heat_J`: with the effect `heat`: energy that contacts have turned into heat, of the grains present [J].
+`wetness_mean`: with the effect `moisture`: mean wetness, weighted by mass.
+`momentum_taken_Ns`: with the effect `safe_direction`: momentum that the rule has taken from the grains, [x, y] [N s].
 `wall_force_N`: sum over all wall contacts of the size of their force.
+`mass_kg`: of the grains that can move.
+`grains_made`: with sources or sinks: grains there have been in all, those of the start included.
+`grains_asleep`: with the effect `sleeping`: grains that are not computed at present.
+`stages_s`: wall time by stage [s]: march (lists and steps), effects, look (depth of the pile), measure.
+`flags`: what had to be bounded or went wrong, a sentence each; empty when all is well.
+`solver`, `effects`, `arch`, `threads` and `precision`: what it ran with; `threads` is null for all there are.
 Forces are those of the last step. Sums are in f64 on the CPU and CUDA.
 """
 

@@ -1,4 +1,4 @@
-"""The keys: one table from which keys are dispatched and the help on screen and the README are written."""
+"""The keys: one table from which keys are dispatched and the help on screen and the reference are written."""
 
 from dataclasses import dataclass
 
@@ -60,6 +60,6 @@ GROUPS = ("tools", "keys", "views", "files")
 
 
 def table() -> str:
-    """The keys as a table in Markdown, for the README."""
+    """The keys as a table in Markdown, for the reference."""
     rows = [f"| `{key.name}` | {key.help} |" for group in GROUPS for key in KEYS if key.group == group]
     return "\n".join(["| key | does |", "|---|---|", *rows])

@@ -1,4 +1,4 @@
-"""What `taichi-sand stress` found, for the terminal and for the README."""
+"""What `taichi-sand stress` found, for the terminal and for the documentation."""
 
 import math
 from itertools import groupby
