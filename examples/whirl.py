@@ -1,0 +1,28 @@
+"""Discs are driven about the middle of the box: an effect of one's own, in one file.
+
+`taichi-sand render billiards --effect whirl.py --set effects.whirl.strength=3 -o whirl.mp4` films it.
+"""
+
+import taichi as ti
+
+from taichi_sand.scene.parameters import Parameter
+from taichi_sand.world.geometry import perp, position, wrench
+
+PARAMETERS = (Parameter("strength", 1.0, "acceleration about the middle", "m/s2", low=0, high=100),)
+SOLVERS = ("md", "rigid")
+
+
+class Whirl:
+    """The effect as kernels see it."""
+
+    @ti.func
+    def body(self, w: ti.template(), c: ti.template(), i):
+        """Force and torque on grain i."""
+        way = position(w, i) - 0.5 * w.box[None].size
+        mass = 1 / ti.max(w.grains.mobility[i].x, 1e-9)
+        return wrench(mass * c.whirl_strength * perp(way) / way.norm(), 0.0)
+
+
+def build(values, columns, solver):
+    """The effect for a world."""
+    return Whirl()
