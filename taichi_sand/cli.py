@@ -1,9 +1,8 @@
-"""The command `taichi-sand`. Exit status: 0 done, 1 the physics failed a check, 2 wrong input, 130 interrupted."""
+"""The command `taichi-sand`. Exit status: 0 done, 1 the physics failed a check, 2 wrong input, 130 interrupted; see `leaving`."""
 
 import io
 import json
 import math
-import os
 import sys
 import tomllib
 from collections.abc import Callable, Iterator
@@ -15,7 +14,9 @@ import typer
 import typer.core
 
 import taichi_sand
-from taichi_sand import effects, printing
+from taichi_sand import effects, leaving, printing
+from taichi_sand.files import writing
+from taichi_sand.leaving import in_one_sentence
 from taichi_sand.scene import loading
 from taichi_sand.scene.errors import PhysicsError, SandError
 
@@ -45,28 +46,6 @@ Effects = Annotated[
 Arch = Annotated[Literal["cpu", "cuda", "vulkan", "metal", "gpu"], typer.Option("--arch", help="Where kernels run.")]
 Threads = Annotated[int | None, typer.Option("--threads", min=1, help="CPU threads; results do not depend on it.")]
 Precision = Annotated[int | None, typer.Option("--precision", metavar="32|64", help="Bits of a number in the solver.")]
-
-
-@contextmanager
-def in_one_sentence() -> Iterator[None]:
-    """Turns what a user can put right into one sentence on stderr and an exit status."""
-    try:
-        yield
-    except SandError as error:
-        _leave(2, f"error: {error}")
-    except PhysicsError as error:
-        _leave(1, f"failed: {error}")
-    except OSError as error:
-        if error.filename is None:
-            raise
-        _leave(2, f"error: {error.filename}: {error.strerror}")
-    except KeyboardInterrupt:
-        _leave(130, "interrupted")
-
-
-def _leave(status: int, text: str) -> None:
-    print(f"taichi-sand: {text}", file=sys.stderr)
-    raise typer.Exit(status)
 
 
 @contextmanager
@@ -108,7 +87,7 @@ def run(
     with in_one_sentence():
         _check_seconds(seconds)
         if save is not None:
-            check_writable(save)
+            writing.check(save, "--save")
         asked = _overrides(overrides, **{"solver.precision": precision})
         sim = _start(scene, asked, effect, arch, threads) if resume is None else _resume(resume, scene, asked, effect, arch, threads)
         if seconds is None:
@@ -153,9 +132,9 @@ def render(
             return
         view = {"view.fps": fps, "view.width": width, "view.color": color}
         loaded = taichi_sand.load(scene, _overrides(overrides, **view, **{"solver.precision": precision}), effect or ())
-        from taichi_sand.view.film import destination, film
+        from taichi_sand.view.film import check, film
 
-        check_writable(destination(out)[0])
+        check(out)
         sim = taichi_sand.Simulation(loaded, arch=arch, threads=threads)
         with progress_bar(loaded.title or "render") as progress:
             film(sim, out, seconds=seconds, fps=fps, progress=progress)
@@ -171,9 +150,9 @@ def _is_recording(path: str) -> bool:
 
 def _film_recording(path: Path, out: str, fps: int | None, width: int | None, arch: str, threads: int | None) -> None:
     from taichi_sand.play import recording
-    from taichi_sand.view.film import destination
+    from taichi_sand.view.film import check
 
-    check_writable(destination(out)[0])
+    check(out)
     with progress_bar(path.name) as progress:
         recording.film(path, out, fps=fps or 30, width=width, arch=arch, threads=threads, progress=progress)
 
@@ -197,8 +176,9 @@ def play(
     """Opens a window to watch and change the simulation, and to reach into it; `h` shows the keys."""
     with in_one_sentence():
         loaded = taichi_sand.load(scene, _overrides(overrides, **{"solver.precision": precision}))
-        for path in (folder / "any", *(path for path in (report, record) if path)):
-            check_writable(path)
+        for option, path in (("--folder", folder / "any"), ("--report", report), ("--record", record)):
+            if path is not None:
+                writing.check(path, option)
         from taichi_sand.play import window
         from taichi_sand.play.session import Session
 
@@ -258,19 +238,6 @@ def _check_seconds(seconds: float | None) -> None:
         raise SandError(f"--seconds {seconds:g} must be a number of seconds, 0 or more")
 
 
-def check_writable(path: Path) -> None:
-    """Refuses an output file before the work that would fill it, unless its folder is there, or can be made, and is writable."""
-    if path.is_dir() and not os.access(path, os.W_OK):
-        raise SandError(f"{path} cannot be written to")
-    folder = path.absolute().parent
-    while not folder.exists() and folder != folder.parent:
-        folder = folder.parent
-    if not folder.is_dir():
-        raise SandError(f"{path} cannot be written: {folder} is a file, not a folder")
-    if not os.access(folder, os.W_OK):
-        raise SandError(f"{path} cannot be written: the folder {folder} is read-only")
-
-
 def _start(scene: str | None, overrides: list[str], own: list[Path] | None, arch: str, threads: int | None) -> Any:
     if scene is None:
         raise SandError("run needs a SCENE (`taichi-sand scenes` lists those bundled) or --resume FILE")
@@ -293,7 +260,7 @@ def _resume(file: Path, scene: str | None, overrides: list[str], own: list[Path]
 
 def main() -> None:
     """Entry point of the command."""
-    app()
+    leaving.run(app)
 
 
 from taichi_sand import cli_study  # noqa: E402  it takes what is defined above

@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
 
 import taichi_sand
-from taichi_sand import cli
+from taichi_sand import cli, printing
+from taichi_sand.files import writing
+from taichi_sand.leaving import in_one_sentence
 from taichi_sand.scene.errors import PhysicsError, SandError
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -30,7 +31,7 @@ def cost(
     threads: cli.Threads = 1,
 ) -> None:
     """Shows what accuracy costs in time: runs the scene over tolerances and solvers."""
-    with cli.in_one_sentence():
+    with in_one_sentence():
         from taichi_sand.study.cost import study
         from taichi_sand.study.errors import NAMES
         from taichi_sand.study.plot import plot as draw
@@ -40,8 +41,9 @@ def cost(
         cli._check_seconds(seconds)
         if error not in NAMES:
             raise SandError(f"--error {error}: must be one of {', '.join(NAMES)}")
-        for file in filter(None, (csv, plot)):
-            cli.check_writable(file)
+        for option, file in (("--csv", csv), ("--plot", plot)):
+            if file is not None:
+                writing.check(file, option)
         if plot is not None:
             pyplot()
         given = overrides or []
@@ -53,7 +55,7 @@ def cost(
         if plot is not None:
             draw(found, plot)
         if target is None:
-            console = Console(highlight=False, width=None if Console().is_terminal else 200)
+            console = printing.console(200)
             console.print(as_table(found))
             console.print(legend(found))
             return
@@ -71,11 +73,11 @@ def validate(
     only: Annotated[list[str] | None, typer.Option("--only", metavar="CASE", help="Only this case, such as A5; repeatable.")] = None,
 ) -> None:
     """Holds both solvers against reference cases: case, source, reference, measured, error, passed. Exit status 1 if one fails."""
-    with cli.in_one_sentence():
+    with in_one_sentence():
         from taichi_sand.study import validate as ladder
 
         if plot is not None:
-            cli.check_writable(plot)
+            writing.check(plot, "--plot")
             ladder.pyplot()
         with cli.progress_bar("validate") as progress:
             results = ladder.validate(quick, only, progress)
@@ -84,7 +86,7 @@ def validate(
         if as_json:
             print(json.dumps(ladder.as_json(results), indent=2, allow_nan=False))
         else:
-            Console(highlight=False, width=None if Console().is_terminal else 180).print(ladder.as_table(results))
+            printing.console(180).print(ladder.as_table(results))
         failed = [f"{r.case} ({r.solver}: {r.what})" for r in results if not r.passed]
         if failed:
             raise PhysicsError(f"{len(failed)} of {len(results)} rows: {'; '.join(failed)}")
@@ -105,7 +107,7 @@ def stress(
     ] = None,
 ) -> None:
     """Runs the hard cases: a row each, exit 1 if one fails."""
-    with cli.in_one_sentence():
+    with in_one_sentence():
         from taichi_sand.study import stress as hard
         from taichi_sand.study.stress_table import as_markdown, as_table
 
@@ -113,7 +115,7 @@ def stress(
         if not asked:
             raise SandError(f"--only {only}: no case has such a name; there are {', '.join(hard.CASES)}")
         if film is not None:
-            cli.check_writable(film / "any")
+            writing.check(film / "any", "--film")
             film.mkdir(parents=True, exist_ok=True)
         with cli.progress_bar("stress") as progress:
             done = hard.run_all(asked, min(jobs or CORES, len(asked)), film, progress)
@@ -122,7 +124,7 @@ def stress(
         elif markdown:
             print(as_markdown(done))
         else:
-            Console(highlight=False, width=None if Console().is_terminal else 160).print(as_table(done))
+            printing.console(160).print(as_table(done))
         failed = [row for row in done if not row.passed]
         if failed:
             raise PhysicsError(f"{len(failed)} of {len(done)} rows; the first is {failed[0].case}, {failed[0].solver}")

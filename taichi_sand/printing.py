@@ -1,4 +1,4 @@
-"""The report as a table to read."""
+"""What the command prints to be read: the report as a table, effects and their prices."""
 
 from typing import Any
 
@@ -48,6 +48,12 @@ GROUPS = {
 }
 
 
+def console(width: int | None = None) -> Console:
+    """Where tables are printed on stdout; `width` letters wide if that is no terminal."""
+    page = Console(highlight=False)
+    return page if width is None or page.is_terminal else Console(highlight=False, width=width)
+
+
 def print_report(title: str, report: dict[str, Any]) -> None:
     """Prints a report (design.md section 6) on stdout: what was asked next to what was measured, then the rest in groups."""
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
@@ -62,12 +68,12 @@ def print_report(title: str, report: dict[str, Any]) -> None:
                 table.add_row(head, label, _value(report[key]), Text(unit) + _verdict(key, report))
                 head = ""
         table.add_section()
-    console = Console(highlight=False)
+    out = console()
     effects = ", ".join(report["effects"]) or "none"
     threads = {None: "all threads", 1: "1 thread"}.get(report["threads"], f"{report['threads']} threads")
     bits = f"{report['precision']} bit, {report['arch']}, {threads}"
-    console.print(Text.assemble((title or "scene", "bold"), f"  {report['solver']} · effects: {effects} · {bits}"))
-    console.print(table)
+    out.print(Text.assemble((title or "scene", "bold"), f"  {report['solver']} · effects: {effects} · {bits}"))
+    out.print(table)
 
 
 def effect_lines(effects: Any) -> list[str]:
@@ -95,11 +101,11 @@ def print_effects(scene: Any, rows: list[dict[str, Any]], tables: int, prices: d
         if prices:
             cells.append(_price(prices, f"-{name}" if row["on"] else f"+{name}"))
         table.add_row(name, *cells, style=None if row["on"] else "dim")
-    console = Console(highlight=False)
-    console.print(Text.assemble((scene.title or "scene", "bold"), f"  {scene.solver.kind} · tables {tables / 2**20:.1f} MiB"))
-    console.print(table)
+    out = console()
+    out.print(Text.assemble((scene.title or "scene", "bold"), f"  {scene.solver.kind} · tables {tables / 2**20:.1f} MiB"))
+    out.print(table)
     if prices:
-        console.print("as it is: {:.1f} ± {:.1f} ns; of what is on, the change if it is removed, else if it is added".format(*prices[""]))
+        out.print("as it is: {:.1f} ± {:.1f} ns; of what is on, the change if it is removed, else if it is added".format(*prices[""]))
 
 
 def _price(prices: dict[str, tuple[float, float]], key: str) -> str:

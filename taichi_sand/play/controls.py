@@ -218,8 +218,8 @@ class Controls:
             self.window.film = files.Film(files.free_name(self.window.folder, self.window.name, ".mp4"))
             self.told = "filming"
         else:
-            self.told = f"saved {self.window.film.close().name}"
-            self.window.film = None
+            film, self.window.film = self.window.film, None
+            self.told = f"saved {film.close().name}"
 
     def other_scene(self, step: int) -> None:
         """The next scene of those bundled, or the one before."""

@@ -1,6 +1,7 @@
 """What the window writes and reads: checkpoints, pictures, films."""
 
 import base64
+import contextlib
 import json
 import math
 import time
@@ -9,12 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from PIL import Image
 
+from taichi_sand.files import writing
 from taichi_sand.play.snapshot import Rows, Snapshot, to_bytes
 from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers.bed import Bed
-from taichi_sand.view.film import mp4, put_in_place, scratch_beside
+from taichi_sand.view.film import mp4, save_png
 from taichi_sand.world import checkpoint
 
 if TYPE_CHECKING:
@@ -68,26 +69,24 @@ def save_picture(window: "Window") -> Path:
     width, height = window.screen.size
     pixels = window.canvas.reshape(height, width)
     image = np.stack([(pixels >> shift).astype(np.uint8) for shift in (16, 8, 0)], axis=-1)
-    with scratch_beside(path) as scratch:
-        Image.fromarray(image).save(scratch / path.name, optimize=True)
-        put_in_place(scratch / path.name, path, scratch)
+    with writing.replacing(path) as made:
+        save_png(image, made)
     return path
 
 
 class Film:
-    """A film of what goes on in the picture, in wall time."""
+    """A film of what goes on in the picture, in wall time. SandError, and no film, once the disk takes no more."""
 
     def __init__(self, path: Path) -> None:
         self.path, self.stack = path, ExitStack()
-        self.scratch = self.stack.enter_context(scratch_beside(path))
-        self.write = None
+        with self.stack:
+            made = self.stack.enter_context(writing.replacing(path))
+            self.write = self.stack.enter_context(mp4(made, FPS))
+            self.stack = self.stack.pop_all()
         self.next = time.perf_counter()
 
     def frame(self, image: np.ndarray) -> None:
         """The picture of this moment, (height, width, 3) uint8."""
-        if self.write is None:
-            self.encoder = ExitStack()
-            self.write = self.encoder.enter_context(mp4(self.scratch / self.path.name, FPS))
         now = time.perf_counter()
         for _ in range(MOST_BEHIND):
             if self.next > now:
@@ -102,9 +101,11 @@ class Film:
         return time.perf_counter() >= self.next
 
     def close(self) -> Path:
-        """Completes the file."""
-        with self.stack:
-            if self.write is not None:
-                self.encoder.close()
-                put_in_place(self.scratch / self.path.name, self.path, self.scratch)
+        """Completes the file; SandError if that fails, or there was no frame."""
+        self.stack.close()
         return self.path
+
+    def drop(self, why: BaseException) -> None:
+        """Ends it without a file, for this reason."""
+        with contextlib.suppress(type(why)):
+            self.stack.__exit__(type(why), why, why.__traceback__)

@@ -13,13 +13,15 @@ from typing import Any
 
 import numpy as np
 
+from taichi_sand.files import writing
+from taichi_sand.files.writing import Lines
 from taichi_sand.play.files import as_line
 from taichi_sand.play.screen import Screen
 from taichi_sand.play.session import VERBS, Session, pack
 from taichi_sand.play.snapshot import Snapshot, from_bytes
 from taichi_sand.scene.errors import PhysicsError, SandError
 from taichi_sand.scene.schema import Scene
-from taichi_sand.view.film import WRITERS, Progress, destination, put_in_place, scratch_beside
+from taichi_sand.view.film import WRITERS, Progress, destination
 from taichi_sand.world.checkpoint import UNREADABLE
 
 FORMAT, TITLE = 1, "taichi_sand recording"
@@ -28,13 +30,13 @@ EVERY = 1.0
 
 
 class Recorder:
-    """Writes down what is done to a session; to be called once a frame."""
+    """Writes down what is done to a session; to be called once a frame. SandError once the disk takes no more: what is there is whole."""
 
     def __init__(self, session: Session, path: Path) -> None:
-        self.session, self.file = session, path.open("w", encoding="utf-8")
+        self.session = session
         session.log = []
         self.started = self.hashed = time.perf_counter()
-        self._line({TITLE: FORMAT, "scene": session.sim.scene.to_json(), "start": pack(session.moment())})
+        self.lines = Lines(path, as_line({TITLE: FORMAT, "scene": session.sim.scene.to_json(), "start": pack(session.moment())}))
 
     def __call__(self, actions: list, steps: int) -> None:
         """A frame: these actions, then so many steps."""
@@ -52,11 +54,10 @@ class Recorder:
     def close(self) -> None:
         """The end."""
         self.hash()
-        self.file.close()
+        self.lines.close()
 
     def _line(self, thing: Any) -> None:
-        self.file.write(as_line(thing) + "\n")
-        self.file.flush()
+        self.lines.write(as_line(thing))
 
 
 def read(path: Path) -> tuple[Snapshot, Scene, list]:
@@ -115,17 +116,15 @@ def film(path: Path, out: str, *, fps: int, width: int | None, arch: str, thread
         raise SandError(f"{out}: a recording becomes a film, .mp4 or .gif, or a folder of frames")
     recorded = read(path)
     total = max((line[2] for line in recorded[2] if isinstance(line, list)), default=0.0)
-    with scratch_beside(target) as scratch:
-        with WRITERS[ending](scratch / target.name, fps) as write:
-            screen, shown = None, 0
-            for session, wall in replay(recorded, path, arch, threads):
-                if screen is None or screen.session is not session:
-                    screen = Screen(session, width or session.sim.scene.view.width)
-                while shown / fps <= wall:
-                    canvas = np.zeros(screen.size[0] * screen.size[1], np.uint32)
-                    picture = screen.paint(canvas, {}, None, "")
-                    write(screen.painter.rgb(picture))
-                    shown += 1
-                if progress and total:
-                    progress(min(1.0, wall / total))
-        put_in_place(scratch / target.name, target, scratch)
+    with writing.replacing(target, folder=ending == "/") as made, WRITERS[ending](made, fps) as write:
+        screen, shown = None, 0
+        for session, wall in replay(recorded, path, arch, threads):
+            if screen is None or screen.session is not session:
+                screen = Screen(session, width or session.sim.scene.view.width)
+            while shown / fps <= wall:
+                canvas = np.zeros(screen.size[0] * screen.size[1], np.uint32)
+                picture = screen.paint(canvas, {}, None, "")
+                write(screen.painter.rgb(picture))
+                shown += 1
+            if progress and total:
+                progress(min(1.0, wall / total))

@@ -9,6 +9,7 @@ from typing import Any
 
 import taichi as ti
 
+from taichi_sand.files.writing import Lines
 from taichi_sand.play import hud
 from taichi_sand.play.controls import Controls
 from taichi_sand.play.files import Film, as_line
@@ -45,12 +46,13 @@ class Window:
 
     def __init__(self, session: Session, name: str, *, folder: Path, width: int | None = None, report: Path | None = None) -> None:
         self.session, self.name, self.folder, self.width = session, name, folder, width
-        self.report = report.open("w", encoding="utf-8") if report else None
+        self.report = Lines(report) if report else None
         self.every = REPORT if report else MEASURE
         self.listener: LISTENER | None = None  # gets the actions and steps of every frame
         self.running, self.stale, self.unmeasured = True, True, True
         self.seen_at = (0.0, 0.0)
         self.film: Film | None = None
+        self.failed: SandError | None = None  # what could not be written, first
         self.measured: dict[str, Any] = {}
         self.frame_time, self.began = FRAME, time.perf_counter()
         self.gui: Any = None
@@ -82,14 +84,22 @@ class Window:
             self.gui.core.update()
 
     def run(self) -> None:
-        """Until the window is closed."""
-        while self.running and self.gui.running:
-            self.tick()
-        if self.film:
-            self.film.close()
-        if self.report:
-            self.report.close()
+        """Until the window is closed. SandError then if the report or the recording could not be written to their ends."""
+        try:
+            while self.running and self.gui.running:
+                self.tick()
+            if self.film:
+                self.film.close()
+        except BaseException as error:
+            if self.film:
+                self.film.drop(error)
+            raise
+        finally:
+            if self.report:
+                self.report.close()
         self.gui.close()
+        if self.failed:
+            raise self.failed
 
     def tick(self) -> None:
         """One frame, and the rest of its time."""
@@ -115,7 +125,7 @@ class Window:
         if not controls.paused:
             self.pace.frame(self.frame_time, session.sim.time - before)
         if self.listener:
-            self.listener(session.take_log(), steps)
+            self._write(self.listener, session.take_log(), steps)
         late = self.unmeasured and time.perf_counter() - self.measured_at >= self.every
         if steps or changed or self.stale or late:
             self.show()
@@ -165,7 +175,11 @@ class Window:
         if due and self.report:
             self._tell()
         if self.film and self.film.due:
-            self.film.frame(self.screen.painter.rgb(picture))
+            try:
+                self.film.frame(self.screen.painter.rgb(picture))
+            except SandError as error:
+                self.film.drop(error)
+                self.film, self.controls.told = None, str(error)
 
     def _measure(self, now: float) -> None:
         """What the panel and the numbers over the picture say."""
@@ -200,8 +214,15 @@ class Window:
             "picture": [0, screen.top, *screen.picture],
             "controls": screen.panel.places(),
         }
-        self.report.write(as_line(state) + "\n")
-        self.report.flush()
+        self._write(self.report.write, as_line(state))
+
+    def _write(self, write: Callable[..., None], *what: Any) -> None:
+        """Writes to the report or the recording. That the disk takes no more is told, and told again at the end: the game goes on."""
+        try:
+            write(*what)
+        except SandError as error:
+            self.failed = self.failed or error
+            self.controls.told = str(error)
 
 
 def check_display() -> None:
@@ -220,5 +241,7 @@ def play(session: Session, name: str, *, folder: Path, width: int | None, report
     window.listener = recorder = Recorder(session, record)
     try:
         window.run()
-    finally:
-        recorder.close()
+    except BaseException:
+        recorder.lines.close()  # steps of this frame may have been done that are not written down: no hash
+        raise
+    recorder.close()

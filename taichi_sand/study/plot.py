@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from taichi_sand.files import writing
 from taichi_sand.scene.errors import SandError
 from taichi_sand.study.cost import Point, Study
 from taichi_sand.study.errors import NAMES
@@ -48,10 +49,14 @@ def plot(study: Study, path: Path) -> None:
     note = f"{study.seconds:g} s simulated a run, median and range of the runs; numbers beside points: tolerance asked"
     figure.text(0.012, 0.008, note + (f"; trajectories until {horizon}" if horizon else ""), color=DIM, fontsize=8, va="bottom")
     figure.tight_layout(rect=(0, 0.02, 1, 0.97))
-    part = path.with_name(f".{path.stem}.part.png")
-    figure.savefig(part, dpi=90, facecolor=GROUND)
-    plt.close(figure)
-    part.replace(path)
+    save(figure, path)
+
+
+def save(figure: Any, path: Path) -> None:
+    """Writes a figure as a PNG file, completely or not at all, and lets go of it."""
+    with writing.replacing(path) as made:
+        figure.savefig(made, dpi=90, facecolor=GROUND, format="png")
+    pyplot().close(figure)
 
 
 def draw(panel: Any, study: Study, name: str, styles: dict[str, tuple[str, str]]) -> None:

@@ -8,7 +8,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import nullcontext
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
@@ -139,7 +139,7 @@ def run_all(asked: list[tuple[Case, str, float]], jobs: int, film: Path | None, 
     groups: dict[tuple[str, str], list[int]] = {}
     for k in sorted(range(len(asked)), key=lambda k: asked[k][0].quick):
         groups.setdefault((asked[k][0].name, asked[k][1]), []).append(k)
-    with ProcessPoolExecutor(jobs, get_context("spawn")) if jobs > 1 else nullcontext() as pool:
+    with workers(jobs) as pool:
         waiting = {}
         if pool:
             for (name, solver), those in groups.items():
@@ -152,6 +152,22 @@ def run_all(asked: list[tuple[Case, str, float]], jobs: int, film: Path | None, 
     return [done[k] for k in range(len(asked))]
 
 
+@contextmanager
+def workers(jobs: int) -> Iterator[ProcessPoolExecutor | None]:
+    """So many processes, none for one job; they are ended, not waited for, if somebody interrupts."""
+    if jobs == 1:
+        yield None
+        return
+    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+        try:
+            yield pool
+        except BaseException:
+            for process in list(pool._processes.values()):
+                process.terminate()
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
 def run_named(name: str, solver: str, tolerances: list[float], film: Path | None) -> list[Row]:
     """`run` at these tolerances, in a process of its own."""
     rows("", (), ())
@@ -160,11 +176,13 @@ def run_named(name: str, solver: str, tolerances: list[float], film: Path | None
 
 def picture(path: Path) -> None:
     """Writes what the simulation at hand looks like, once at any moment of it."""
-    from PIL import Image
+    from taichi_sand.files import writing
+    from taichi_sand.view.film import save_png
 
     for sim in list(device.alive):
         if pictured.get(path) != (id(sim), sim.steps):
-            Image.fromarray(sim.image()).save(path)
+            with writing.replacing(path) as made:
+                save_png(sim.image(), made)
             pictured[path] = (id(sim), sim.steps)
 
 

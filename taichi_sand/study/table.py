@@ -8,6 +8,7 @@ from pathlib import Path
 from rich.table import Table
 from rich.text import Text
 
+from taichi_sand.files import writing
 from taichi_sand.study.cost import Point, Study
 from taichi_sand.study.errors import NAMES
 
@@ -65,9 +66,8 @@ def as_csv(study: Study) -> str:
 
 def write_csv(study: Study, path: Path) -> None:
     """Writes `as_csv` to `path`, completely or not at all."""
-    part = path.with_name(f".{path.name}.part")
-    part.write_text(as_csv(study), "utf-8")
-    part.replace(path)
+    with writing.replacing(path) as made:
+        made.write_text(as_csv(study), "utf-8")
 
 
 def as_toml(point: Point, name: str) -> str:

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from taichi_sand.scene.errors import SandError
-from taichi_sand.study.plot import ACCENT, DIM, GROUND, LINE, PANEL, TEXT, WRONG, pyplot
+from taichi_sand.study.plot import ACCENT, DIM, GROUND, LINE, PANEL, TEXT, WRONG, pyplot, save
 
 GOOD = "#7BC47F"
 
@@ -91,7 +91,4 @@ def plot(results: list[Result], path: Path) -> None:
     for spine in panel.spines.values():
         spine.set_color(LINE)
     figure.tight_layout()
-    part = path.with_name(f".{path.stem}.part.png")
-    figure.savefig(part, dpi=90, facecolor=GROUND)
-    plt.close(figure)
-    part.replace(path)
+    save(figure, path)

@@ -1,15 +1,13 @@
-"""Films: MP4, looping GIF, the last frame as PNG, or a folder of PNG frames.
+"""Films: MP4, looping GIF, the last frame as PNG, or a folder of PNG frames; written as files.writing says.
 
-Everything is written to a hidden folder beside the target and moved into place when it is complete: an interruption leaves what
-was there before.
+The encoder is a process of its own (ffmpeg): its exit status and its complaints are looked at, and whether its file can be read.
 """
 
 import os
-import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +15,7 @@ import imageio_ffmpeg
 import numpy as np
 from PIL import Image
 
+from taichi_sand.files import writing
 from taichi_sand.scene.errors import SandError
 from taichi_sand.view.picture import image
 
@@ -54,24 +53,24 @@ def film(
     target, ending = destination(out)
     seconds = sim.scene.duration if seconds is None else seconds
     rate = frame_rate(sim, ending, fps)
-    with scratch_beside(target) as scratch:
-        made = scratch / target.name
+    with writing.replacing(target, folder=ending == "/") as made:
         if ending == ".png":
             sim.advance(seconds, progress)
-            Image.fromarray(image(sim)).save(made, optimize=True)
+            save_png(image(sim), made)
         else:
             with WRITERS[ending](made, rate) as write:
                 for share in steps_of(sim, seconds, rate):
                     write(image(sim))
                     if progress:
                         progress(share)
-        put_in_place(made, target, scratch)
 
 
 def destination(out: str | Path) -> tuple[Path, str]:
     """Where a film goes and of which kind it is; refuses what cannot become a film before anything is simulated."""
     text = os.fspath(out)
     target = Path(text)
+    if not text:
+        raise SandError(f"a film needs the name of a file; it ends in {', '.join(ENDINGS)}, or in / for a folder of frames")
     if text.endswith(("/", os.sep)) or target.is_dir():
         others = sorted(p.name for p in target.iterdir() if not is_frame(p)) if target.is_dir() else []
         if others or target.is_file():
@@ -108,57 +107,106 @@ def steps_of(sim: "Simulation", seconds: float, fps: int) -> Iterator[float]:
         yield frame / frames
 
 
-@contextmanager
-def scratch_beside(target: Path) -> Iterator[Path]:
-    """A hidden folder beside `target`, gone afterwards whatever happens."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    scratch = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
-    try:
-        yield scratch
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
+def check(out: str | Path) -> None:
+    """Refuses what a film cannot be written to before anything is simulated; SandError."""
+    target, ending = destination(out)
+    writing.check(target, folder=ending == "/")
 
 
-def put_in_place(made: Path, target: Path, scratch: Path) -> None:
-    """Moves a finished file or folder to where it belongs; a folder that stood there goes with the scratch folder."""
-    if not target.is_dir():
-        os.replace(made, target)
-        return
-    old = scratch / "old"
-    os.rename(target, old)
-    try:
-        os.rename(made, target)
-    except BaseException:
-        os.rename(old, target)
-        raise
+def save_png(picture: np.ndarray, path: Path) -> None:
+    """Writes one picture, (height, width, 3) uint8."""
+    Image.fromarray(picture).save(path, optimize=True)
 
 
 @contextmanager
-def video(path: Path, fps: int, codec: str, pixels: str, options: list[str]) -> Iterator[Write]:
-    """Writes frames to a video file; they must be of one size."""
-    encoder = None
+def video(path: Path, name: str, fps: int, codec: str, pixels: str, options: list[str]) -> Iterator[Write]:
+    """Writes frames of one size to a video file, towards the film `name`. SandError if the encoder fails, or its file cannot be read."""
+    encoder: Encoder | None = None
+    count = 0
 
     def write(frame: np.ndarray) -> None:
-        nonlocal encoder
+        nonlocal encoder, count
         if encoder is None:
-            encoder = imageio_ffmpeg.write_frames(
-                str(path), (frame.shape[1], frame.shape[0]), fps=fps, codec=codec, pix_fmt_out=pixels, output_params=options,
-                macro_block_size=1, quality=None,
-            )  # fmt: skip
-            encoder.send(None)
-        encoder.send(frame)
+            size = f"{frame.shape[1]}x{frame.shape[0]}"
+            raw = ["-f", "rawvideo", "-vcodec", "rawvideo", "-s", size, "-pix_fmt", "rgb24", "-r", str(fps), "-i", "-", "-an"]
+            encoder = Encoder(name, *raw, "-vcodec", codec, "-pix_fmt", pixels, *options, path)
+        encoder.take(frame)
+        count += 1
 
     try:
         yield write
+        if encoder is not None:
+            encoder.finish()
+            check_video(path, name, count)
     finally:
         if encoder is not None:
-            encoder.close()
+            encoder.stop()
+
+
+class Encoder:
+    """ffmpeg at work, fed with pictures; `name` is what it makes."""
+
+    def __init__(self, name: str, *arguments: str | Path) -> None:
+        self.name, self.said = name, tempfile.TemporaryFile()
+        command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y", *map(str, arguments)]
+        apart = {"process_group": 0} if os.name == "posix" else {}  # Ctrl-C in a terminal is for us to answer
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self.said, **apart)
+
+    def take(self, frame: np.ndarray) -> None:
+        """One picture."""
+        assert self.process.stdin is not None
+        try:
+            self.process.stdin.write(np.ascontiguousarray(frame).data)
+        except OSError:  # it is gone
+            self.finish()
+            raise SandError(f"{self.name}: cannot be written: the encoder ended before its time") from None
+
+    def finish(self) -> str:
+        """No more comes; what it printed. SandError if it failed."""
+        assert self.process.stdin is not None
+        with suppress(OSError):
+            self.process.stdin.close()
+        assert self.process.stdout is not None
+        printed = self.process.stdout.read().decode(errors="replace")
+        status = self.process.wait()
+        if status:
+            self.said.seek(0)
+            lines = self.said.read().decode(errors="replace").strip().splitlines()
+            how = f"was stopped by signal {-status}" if status < 0 else f"failed with status {status}"
+            raise SandError(f"{self.name}: cannot be written: the encoder {how}{f': {lines[0][:200]}' if lines else ''}")
+        return printed
+
+    def stop(self) -> None:
+        """Ends it if it has not ended."""
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+        for pipe in (self.process.stdin, self.process.stdout, self.said):
+            with suppress(OSError):
+                pipe.close()  # type: ignore[union-attr]
+
+
+def ffmpeg(name: str, *arguments: str | Path) -> str:
+    """Runs ffmpeg to its end to make `name`; what it printed. SandError with what it complained of."""
+    encoder = Encoder(name, *arguments)
+    try:
+        return encoder.finish()
+    finally:
+        encoder.stop()
+
+
+def check_video(path: Path, name: str, count: int) -> None:
+    """SandError unless a film can be read, and holds so many frames: an encoder may fail and not say so."""
+    printed = ffmpeg(name, "-i", path, "-map", "0:v", "-c", "copy", "-f", "null", "-progress", "-", "-nostats", os.devnull)
+    found = [line.partition("=")[2] for line in printed.splitlines() if line.startswith("frame=")]
+    if found[-1:] != [str(count)]:
+        raise SandError(f"{name}: cannot be written: it holds {(found or ['0'])[-1]} of {count} frames")
 
 
 @contextmanager
 def mp4(path: Path, fps: int) -> Iterator[Write]:
     """H.264 that plays everywhere; a picture of odd width gets its last column twice."""
-    with video(path, fps, "libx264", "yuv420p", [*X264, *BT709]) as write:
+    with video(path, path.name, fps, "libx264", "yuv420p", [*X264, *BT709]) as write:
         yield lambda frame: write(np.ascontiguousarray(np.pad(frame, ((0, 0), (0, frame.shape[1] % 2), (0, 0)), mode="edge")))
 
 
@@ -166,18 +214,19 @@ def mp4(path: Path, fps: int) -> Iterator[Write]:
 def gif(path: Path, fps: int) -> Iterator[Write]:
     """A looping GIF whose frames share the palette that fits all of them; no dither, so that still parts cost nothing."""
     whole, colours = path.with_suffix(".mkv"), path.with_suffix(".palette.png")
-    with video(whole, fps, "libx264rgb", "rgb24", LOSSLESS) as write:
+    with video(whole, path.name, fps, "libx264rgb", "rgb24", LOSSLESS) as write:
         yield write
-    ffmpeg("-i", whole, "-vf", "palettegen=stats_mode=full", colours)
-    ffmpeg("-i", whole, "-i", colours, "-lavfi", "paletteuse=dither=none:diff_mode=rectangle", "-loop", "0", path)
+    ffmpeg(path.name, "-i", whole, "-vf", "palettegen=stats_mode=full", colours)
+    ffmpeg(path.name, "-i", whole, "-i", colours, "-lavfi", "paletteuse=dither=none:diff_mode=rectangle", "-loop", "0", path)
+    check_gif(path)
 
 
-def ffmpeg(*arguments: str | Path) -> None:
-    """Runs ffmpeg; its complaints become the error."""
-    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y", *map(str, arguments)]
-    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise OSError(f"ffmpeg failed: {done.stderr.strip()}")
+def check_gif(path: Path) -> None:
+    """SandError unless a GIF ends as one does."""
+    with path.open("rb") as file:
+        file.seek(-1, os.SEEK_END)
+        if file.read() != b";":
+            raise SandError(f"{path.name}: cannot be written: it breaks off")
 
 
 @contextmanager

@@ -2,9 +2,7 @@
 
 import hashlib
 import json
-import os
 import struct
-import tempfile
 import tokenize
 import zipfile
 from pathlib import Path
@@ -12,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from taichi_sand.files import writing
 from taichi_sand.scene.errors import SandError
 
 FORMAT = 6
@@ -54,20 +53,20 @@ def digest(arrays: dict[str, np.ndarray]) -> str:
 
 
 def save(path: str | Path, about: dict[str, Any], fields: dict[str, Any]) -> None:
-    """Writes `fields` and `about` (JSON) to `path`: completely, or not at all."""
-    path = Path(path)
+    """Writes `fields` and `about` (JSON) to `path`: completely, or not at all; SandError if it cannot be written."""
     arrays = {name + part: array for name, field in fields.items() for part, array in read_field(field).items()}
     header = json.dumps({"format": FORMAT, "about": about, "sha256": digest(arrays)})
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    with writing.replacing(path, whole_archive) as made, made.open("wb") as file:
+        np.savez_compressed(file, header=np.frombuffer(header.encode(), np.uint8), **arrays)
+
+
+def whole_archive(path: Path) -> str:
+    """What is wrong with an .npz file that was just written, or ""."""
     try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez_compressed(file, header=np.frombuffer(header.encode(), np.uint8), **arrays)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+        with zipfile.ZipFile(path) as file:
+            return "" if "header.npy" in file.namelist() else "it lacks its header"
+    except zipfile.BadZipFile as error:
+        return str(error)
 
 
 def load(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
