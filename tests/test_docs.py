@@ -25,6 +25,7 @@ import taichi_sand as sand
 from taichi_sand import effects
 from taichi_sand.cli import app
 from taichi_sand.printing import GROUPS
+from taichi_sand.scene import loading
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -153,6 +154,25 @@ def test_slow_blocks_would_be_understood(block: Block) -> None:
         given = command.make_context(words[1], words[2:]).params
         scene = sand.load(given["scene"], given["overrides"] or ())
         assert scene.title
+
+
+def spoken(page: Path) -> list[str]:
+    """Whole commands in the running text of a page: those without a placeholder in capitals, such as FILE."""
+    prose = FENCE.sub("", page.read_text("utf-8"))
+    found = [" ".join(text.split()) for text in re.findall(r"`(taichi-sand \w+ [^`]+)`", prose)]
+    return [text for text in found if not re.search(r"\b[A-Z]{2,}\b|…", text)]
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if spoken(page)], ids=name_of)
+def test_commands_in_the_text_would_be_understood(page: Path) -> None:
+    for text in spoken(page):
+        words = shlex.split(text)
+        given = typer.main.get_command(app).commands[words[1]].make_context(words[1], words[2:]).params
+        scene = given.get("scene")
+        if scene in loading.bundled():
+            assert sand.load(scene, given["overrides"] or ()).title
+        else:
+            assert scene is None or scene.endswith(".toml"), text
 
 
 def test_what_is_never_run_says_why() -> None:
