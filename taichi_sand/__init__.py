@@ -12,7 +12,7 @@ Taichi is imported with `Simulation`, not before.
 import os
 from collections.abc import Sequence
 from importlib import import_module
-from pathlib import Path
+from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")  # its banner would stand in front of `run --json`
@@ -33,7 +33,7 @@ _HOMES = {
 }
 
 
-def load(name_or_path: str | Path, overrides: Sequence[str] = (), effects: Sequence[str | Path] = ()) -> "Scene":
+def load(name_or_path: str | PathLike[str], overrides: Sequence[str] = (), effects: Sequence[str | PathLike[str]] = ()) -> "Scene":
     """Reads a scene from a file, or a bundled one by name, and checks it, effects included.
 
     Args:

@@ -1,7 +1,5 @@
 """The command `taichi-sand`. Exit status: 0 done, 1 the physics failed a check, 2 wrong input, 130 interrupted; see `leaving`."""
 
-import io
-import json
 import math
 import sys
 import tomllib
@@ -15,7 +13,8 @@ import typer.core
 
 import taichi_sand
 from taichi_sand import effects, leaving, printing
-from taichi_sand.files import writing
+from taichi_sand.files import jsons, writing
+from taichi_sand.files.reading import starts_with
 from taichi_sand.leaving import in_one_sentence
 from taichi_sand.scene import loading
 from taichi_sand.scene.errors import PhysicsError, SandError
@@ -98,7 +97,7 @@ def run(
             sim.save(save)
         report = sim.report()
         if as_json:
-            print(json.dumps(report, indent=2, allow_nan=False))
+            print(jsons.as_text(report))
         else:
             printing.print_report(sim.scene.title, report)
         if report["flags"]:
@@ -144,8 +143,7 @@ def render(
 
 def _is_recording(path: str) -> bool:
     """Whether a file is what `play --record` wrote; told by how it starts."""
-    with open(path, "rb") if Path(path).is_file() else io.BytesIO() as file:
-        return file.read(40).startswith(b'{"taichi_sand recording"')
+    return starts_with(path, b'{"taichi_sand recording"')
 
 
 def _film_recording(path: Path, out: str, fps: int | None, width: int | None, arch: str, threads: int | None) -> None:

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from taichi_sand import effects as effect_modules
 from taichi_sand import marching
 from taichi_sand.keeping import Keeping
 from taichi_sand.readings import Readings
+from taichi_sand.scene import loading
 from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.packing import pack
 from taichi_sand.scene.schema import Scene
@@ -38,7 +40,7 @@ class Simulation(Keeping, Readings):
     """A scene in motion.
 
     Args:
-        scene: what to simulate.
+        scene: what to simulate: a scene, or the name or path of one.
         arch: cpu, cuda, vulkan, metal or gpu (the best there is).
         threads: CPU threads; all there are if None. Results do not depend on it.
         room: how many grains more than those of the scene there may be, for what adds some while it runs.
@@ -48,8 +50,11 @@ class Simulation(Keeping, Readings):
         SandError: the scene cannot be simulated as it asks, or the backend is not there.
     """
 
-    def __init__(self, scene: Scene, *, arch: str = "cpu", threads: int | None = None, room: int = 0, hand: bool = False) -> None:
+    def __init__(
+        self, scene: Scene | str | PathLike[str], *, arch: str = "cpu", threads: int | None = None, room: int = 0, hand: bool = False
+    ) -> None:
         self.clock = {"wall": 0.0, "compile": 0.0, "stages": {}}
+        scene = loading.scene_of(scene)
         with self._stage("compile"):
             self.scene, self.arch, self.threads, self.room = scene, arch, threads, room
             self.first_walls = scene.walls  # those that tables have been made for

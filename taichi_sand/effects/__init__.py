@@ -19,6 +19,7 @@ import pkgutil
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from os import PathLike
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -68,7 +69,7 @@ def module(name: str) -> ModuleType:
     return own[name] if name in own else importlib.import_module(f"{__name__}.{name}")
 
 
-def add(path: str | Path) -> str:
+def add(path: str | PathLike[str]) -> str:
     """Makes the effect in a user's Python file known under the name of the file, which is returned.
 
     Raises:

@@ -200,6 +200,7 @@ def locked_folder(target: Path) -> tuple[Path, int]:
 
 def lock(handle: int) -> bool:
     """Locks what a handle is open on; False if somebody else holds it. Some file systems have no locks: there nobody does."""
+    assert fcntl
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -2,12 +2,10 @@
 
 import base64
 import contextlib
-import json
-import math
 import time
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,19 +23,6 @@ if TYPE_CHECKING:
 FPS = 30
 MOST_BEHIND = 5
 """A frame of a film is written so many times at most if the window is slow."""
-
-
-def as_line(thing: Any) -> str:
-    """One line of JSON; null for a number that is none."""
-    return json.dumps(_finite(thing), separators=(",", ":"), allow_nan=False)
-
-
-def _finite(thing: Any) -> Any:
-    if isinstance(thing, dict):
-        return {key: _finite(value) for key, value in thing.items()}
-    if isinstance(thing, list | tuple):
-        return [_finite(value) for value in thing]
-    return None if isinstance(thing, float) and not math.isfinite(thing) else thing
 
 
 def free_name(folder: Path, name: str, ending: str) -> Path:

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from taichi_sand.files import writing
+from taichi_sand.files.jsons import as_line
 from taichi_sand.files.writing import Lines
-from taichi_sand.play.files import as_line
 from taichi_sand.play.screen import Screen
 from taichi_sand.play.session import VERBS, Session, pack
 from taichi_sand.play.snapshot import Snapshot, from_bytes

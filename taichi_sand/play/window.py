@@ -9,10 +9,11 @@ from typing import Any
 
 import taichi as ti
 
+from taichi_sand.files.jsons import as_line
 from taichi_sand.files.writing import Lines
 from taichi_sand.play import hud
 from taichi_sand.play.controls import Controls
-from taichi_sand.play.files import Film, as_line
+from taichi_sand.play.files import Film
 from taichi_sand.play.pace import FRAME, Pace
 from taichi_sand.play.recording import Recorder
 from taichi_sand.play.screen import Screen, picture_width

@@ -204,7 +204,7 @@ def _box(table: "Scene") -> str:
 def _outside(table: "Scene", points: np.ndarray) -> np.ndarray:
     """Which points (n, 2) lie outside the box, by more than what rounding does."""
     slack = 1e-9 * max(table.size)
-    return ((points < -slack) | (points > np.asarray(table.size) + slack)).any(axis=1)
+    return np.any((points < -slack) | (points > np.asarray(table.size) + slack), axis=1)
 
 
 def _inside(table: "Scene", name: str, points: np.ndarray) -> None:

@@ -1,17 +1,25 @@
 """From a name or a path, and `--set` overrides, to a `Scene`."""
 
+import os
 import re
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
+from taichi_sand.files.reading import read_text, starts_with
 from taichi_sand.scene.checks import foreign
 from taichi_sand.scene.errors import SandError, show, suggest
-from taichi_sand.scene.rows import read_text
 from taichi_sand.scene.schema import Scene
 
 KINDS = ("md", "rigid")
+MOST_TEXT = 256 * 2**20
+"""A scene file with the places of a million grains in it has some 60 MB."""
+OTHERS = {
+    b"PK\x03\x04": "this is no scene file but looks like a checkpoint; `taichi-sand run --resume FILE` goes on from one",
+    b'{"taichi_sand recording"': "this is no scene file but what `play --record` wrote; `taichi-sand render FILE -o OUT` films it",
+}
+"""What is taken for a scene file, by how it begins."""
 
 
 def bundled() -> dict[str, Path]:
@@ -22,15 +30,17 @@ def bundled() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob("*.toml"))}
 
 
-def find(name_or_path: str | Path) -> Path:
+def find(name_or_path: str | os.PathLike[str]) -> Path:
     """Returns the file of a scene, given its path or the name of a bundled one; SandError if there is none."""
+    if not isinstance(name_or_path, str | os.PathLike):
+        raise SandError(f"a scene is read from a path, or by its name, not from {show(name_or_path)}")
     path, known = Path(name_or_path), bundled()
-    if path.is_dir() and str(name_or_path) not in known:
-        raise SandError(f"{path} is a folder, not a scene file")
     if path.is_file():
         return path
     if str(name_or_path) in known:
         return known[str(name_or_path)]
+    if path.exists():
+        raise SandError(f"{path} is {'a folder' if path.is_dir() else 'a pipe, a device or the like'}, not a scene file")
     near = suggest(path.stem, known)
     if path.suffix or len(path.parts) > 1:
         raise SandError(f"{path}: there is no such file{near}")
@@ -39,7 +49,10 @@ def find(name_or_path: str | Path) -> Path:
 
 def read(path: Path) -> dict[str, Any]:
     """Returns the tables of a scene file as they stand there; SandError if it is not UTF-8 text or not TOML."""
-    text = read_text(path)
+    for head, what in OTHERS.items():
+        if starts_with(path, head):
+            raise SandError(f"{path}: {what}")
+    text = read_text(path, "scene file", MOST_TEXT)
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a TOMLDecodeError, or a number or nesting without end
@@ -47,7 +60,7 @@ def read(path: Path) -> dict[str, Any]:
         raise SandError(f"{path.name}: not a scene file, its TOML is wrong: {reason[:200]}") from None
 
 
-def load(name_or_path: str | Path, overrides: Sequence[str] = (), effects: Sequence[str] = ()) -> Scene:
+def load(name_or_path: str | os.PathLike[str], overrides: Sequence[str] = (), effects: Sequence[str] = ()) -> Scene:
     """Reads a scene.
 
     Args:
@@ -62,7 +75,7 @@ def load(name_or_path: str | Path, overrides: Sequence[str] = (), effects: Seque
     """
     path = find(name_or_path)
     data = read(path)
-    asked = [_parse(override) for override in overrides]
+    asked = [_parse(override) for override in ([overrides] if isinstance(overrides, str) else overrides)]
     for key, value in asked:
         if key == "solver.kind" and value in KINDS and isinstance(data.get("solver"), dict):
             for name in foreign(value):
@@ -81,7 +94,14 @@ def load(name_or_path: str | Path, overrides: Sequence[str] = (), effects: Seque
     return scene
 
 
+def scene_of(thing: Any) -> Scene:
+    """The scene that something stands for: a scene itself, or a name or path to `load`; SandError if it is neither."""
+    return thing if isinstance(thing, Scene) else load(thing)
+
+
 def _parse(override: str) -> tuple[str, Any]:
+    if not isinstance(override, str):
+        raise SandError(f"an override is a text KEY=VALUE, such as solver.tolerance=0.01, not {show(override)}")
     key, equals, value = override.partition("=")
     key = re.sub(r"\.(\d+)(?=\.|$)", r"[\1]", key.strip())
     if not equals or not re.fullmatch(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*", key):
@@ -109,9 +129,9 @@ def _put(data: dict[str, Any], key: str, value: Any) -> None:
         if isinstance(part, int) and part >= len(place):
             raise SandError(f"--set {key}: {_name(parts[:index])} has {len(place)} entries, 0 is the first", key)
         if index == len(parts) - 1:
-            place[part] = value
+            cast(Any, place)[part] = value
         else:
-            place = place.setdefault(part, {}) if isinstance(place, dict) else place[part]
+            place = place.setdefault(part, {}) if isinstance(place, dict) else cast(Any, place)[part]
 
 
 def _name(parts: Sequence[str | int]) -> str:

@@ -74,7 +74,7 @@ def pack(scene: Scene) -> Pack:
                 taken.add(rows[index][:, :2], rows[index][:, 2])
     rows |= _random(scene, [index for index in range(len(scene.grains)) if index not in rows], taken, streams, darts)
     parts = [_pack_table(scene, table, index, rows[index], streams[index]) for index, table in enumerate(scene.grains)]
-    parts = parts or [_pack_table(scene, Grains(radius=1, count=1), 0, np.empty((0, 7)), darts)]
+    parts = parts or [_pack_table(scene, Grains(radius=(1.0, 1.0), count=1), 0, np.empty((0, 7)), darts)]
     _check_number(scene, 0, sum(map(len, parts)))
     columns = [name for name in Pack.__dataclass_fields__ if name != "forms"]
     forms = tuple(scene.form_of(table) for table in (*scene.grains, *scene.sources))
@@ -133,6 +133,7 @@ def _at_rest(places: np.ndarray, radius: np.ndarray) -> np.ndarray:
 
 def _reach(scene: Scene, table: Grains) -> tuple[float, float]:
     """Lowest and highest radius [m] of the circle that holds a grain."""
+    assert table.radius is not None
     low, high = table.radius
     reach = scene.form(table.shape).reach
     return reach * low, reach * high

@@ -5,23 +5,12 @@ import io
 import math
 from pathlib import Path
 
+from taichi_sand.files.reading import read_text
 from taichi_sand.scene.errors import SandError, show
 
 COLUMNS = ("x", "y", "radius", "vx", "vy", "angle", "spin")
 LENGTHS = (2, 3, 5, 6, 7)
 """How many of the columns a row may have: velocities come in pairs."""
-
-
-def read_text(path: Path) -> str:
-    """Returns the text of a UTF-8 file; SandError if it cannot be read or is something else."""
-    try:
-        return path.read_bytes().decode("utf-8-sig")
-    except FileNotFoundError:
-        raise SandError(f"{path}: there is no such file") from None
-    except UnicodeDecodeError as error:
-        raise SandError(f"{path} is not a UTF-8 text file (byte {error.start} is {error.object[error.start]:#04x})") from None
-    except (OSError, ValueError) as error:
-        raise SandError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
 
 
 def read_rows(path: Path) -> list[list[float]]:

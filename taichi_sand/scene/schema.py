@@ -5,63 +5,22 @@ by a `SandError` in one sentence.
 """
 
 import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Any, Literal, Self
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
+from pydantic import BaseModel, PrivateAttr, ValidationError, model_validator
 
 from taichi_sand.scene import checks
 from taichi_sand.scene.errors import SandError
+from taichi_sand.scene.kinds import Angle, Box, Edge, Number, Range, Switch, Table, Vector, Whole, key, sealed
 from taichi_sand.scene.rows import read_rows
 from taichi_sand.scene.shapes import BUILT_IN, Form, form
 from taichi_sand.scene.wording import in_words
 
 MOST_GRAINS = 4_000_000
 MOST_DISCS = 64
-HUGE = 1e12  # 32 bits hold the square of a number, and the products made of it
-
-
-def key(default: Any, text: str, unit: str = "", **limits: Any) -> Any:
-    """A key of a scene table: default (... = it must be given), one line of help, unit, limits as pydantic names them."""
-    return Field(default, description=text, json_schema_extra={"unit": unit}, **limits)
-
-
-def _not_huge(value: Any) -> Any:
-    if isinstance(value, int | float) and HUGE < abs(value) < math.inf:
-        raise ValueError(f"must lie within ±{HUGE:g}")
-    return value
-
-
-def _as_range(value: Any) -> Any:
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return (value, value)
-    if isinstance(value, list | tuple) and len(value) == 2:
-        return value
-    raise ValueError("must be a number, or [low, high]")
-
-
-def _as_angle(value: Any) -> Any:
-    number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    if number or value == "random":
-        return value
-    raise ValueError('must be a number in radians, or "random"')
-
-
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False), BeforeValidator(_not_huge)]
-Whole = Annotated[int, Field(strict=True)]
-Switch = Annotated[bool, Field(strict=True)]
-Vector = tuple[Number, Number]
-Box = tuple[Number, Number, Number, Number]
-Range = Annotated[Vector, BeforeValidator(_as_range)]
-Angle = Annotated[float | str, BeforeValidator(_as_angle)]
-Edge = Literal["wall", "open", "periodic"]
-
-
-class Table(BaseModel):
-    """A table of a scene file: unknown keys are errors, and it does not change once made."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Edges(Table):
@@ -139,8 +98,10 @@ class Grains(Table):
     @classmethod
     def _read_file(cls, data: Any) -> Any:
         name = data.get("positions_file") if isinstance(data, dict) else None
-        if not isinstance(name, str) or data.get("positions") is not None:
+        if not isinstance(name, str | os.PathLike) or data.get("positions") is not None:
             return data
+        if sealed.get():
+            raise SandError("positions_file: a checkpoint or a recording holds its grains itself, and reads no file", "positions_file")
         try:
             rows = read_rows(Path(name))
         except SandError as error:
@@ -313,11 +274,14 @@ class Scene(Table):
 
     @classmethod
     def from_json(cls, text: str | bytes) -> Self:
-        """Returns the scene that `to_json` wrote; SandError if the text is something else."""
+        """Returns the scene that `to_json` wrote; SandError if the text is something else. No other file is read."""
+        token = sealed.set(True)
         try:
             return cls.model_validate_json(text)
         except ValidationError as error:
             raise in_words(error, _tables()) from None
+        finally:
+            sealed.reset(token)
 
 
 def _tables() -> dict[str, type[BaseModel]]:

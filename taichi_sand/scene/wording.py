@@ -49,7 +49,7 @@ def in_words(error: ValidationError, tables: dict[str, type[BaseModel]]) -> Sand
     if detail["type"] == "json_invalid":
         return SandError(f"this is not the JSON of a scene: {detail['msg']}")
     if detail["type"] == "value_error":
-        wrong = detail["ctx"]["error"]
+        wrong = detail.get("ctx", {})["error"]
         if isinstance(wrong, Wrong):
             name = ".".join(filter(None, (path(location), wrong.name)))
             return SandError(f"{name}{wrong}", name)
@@ -91,6 +91,8 @@ def _wanted(detail: Any) -> str:
 def _table_name(location: tuple[int | str, ...]) -> str:
     if not location:
         return "a scene"
+    if len(location) > 1 + (location[0] in LISTS):  # a table within one
+        return path(location)
     return f"[[{location[0]}]]" if location[0] in LISTS else f"[{location[0]}]"
 
 

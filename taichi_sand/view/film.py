@@ -149,8 +149,9 @@ class Encoder:
     def __init__(self, name: str, *arguments: str | Path) -> None:
         self.name, self.said = name, tempfile.TemporaryFile()
         command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y", *map(str, arguments)]
-        apart = {"process_group": 0} if os.name == "posix" else {}  # Ctrl-C in a terminal is for us to answer
-        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self.said, **apart)
+        group = 0 if os.name == "posix" else None  # its own: Ctrl-C in a terminal is for us to answer
+        pipe = subprocess.PIPE
+        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=self.said, process_group=group)
 
     def take(self, frame: np.ndarray) -> None:
         """One picture."""
