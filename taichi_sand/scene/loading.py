@@ -1,5 +1,6 @@
 """From a name or a path, and `--set` overrides, to a `Scene`."""
 
+import json
 import os
 import re
 import tomllib
@@ -97,6 +98,20 @@ def load(name_or_path: str | os.PathLike[str], overrides: Sequence[str] = (), ef
 def scene_of(thing: Any) -> Scene:
     """The scene that something stands for: a scene itself, or a name or path to `load`; SandError if it is neither."""
     return thing if isinstance(thing, Scene) else load(thing)
+
+
+def changed(scene: Scene, overrides: Sequence[str]) -> Scene:
+    """Returns `scene` with `KEY=VALUE` overrides, as `load` takes them; SandError if one is wrong."""
+    data = json.loads(scene.to_json())
+    asked = [_parse(override) for override in overrides]
+    for key, value in asked:
+        _put(data, key, value)
+    try:
+        made = Scene(**data)
+    except SandError as error:
+        raise SandError(f"{scene.source or 'scene'}: {error}", error.key) from None
+    made._source = scene.source
+    return made
 
 
 def _parse(override: str) -> tuple[str, Any]:

@@ -1,0 +1,5 @@
+"""Parameter studies: one scene over values and seeds, on this machine, by any executor, or by a batch system, and what comes out of them."""
+
+from taichi_sand.study.sweep.engine import sweep
+
+__all__ = ["sweep"]
