@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from taichi_sand.scene.errors import PhysicsError, SandError
     from taichi_sand.scene.schema import Scene
     from taichi_sand.simulation import Simulation
+    from taichi_sand.study.sweep.engine import sweep
 
-__all__ = ["PhysicsError", "SandError", "Scene", "Simulation", "__version__", "load"]
+__all__ = ["PhysicsError", "SandError", "Scene", "Simulation", "__version__", "load", "sweep"]
 __version__ = "0.1.0"
 
 _HOMES = {
@@ -30,6 +31,7 @@ _HOMES = {
     "SandError": "taichi_sand.scene.errors",
     "PhysicsError": "taichi_sand.scene.errors",
     "Simulation": "taichi_sand.simulation",
+    "sweep": "taichi_sand.study.sweep.engine",
 }
 
 

@@ -261,6 +261,7 @@ def main() -> None:
     leaving.run(app)
 
 
-from taichi_sand import cli_study  # noqa: E402  it takes what is defined above
+from taichi_sand import cli_study, cli_sweep  # noqa: E402  they take what is defined above
 
 cli_study.register(app)
+cli_sweep.register(app)

@@ -1,4 +1,4 @@
-"""What `--vary KEY=SPEC` means: a list (`0.1,0.2,0.5`), a range (`0..1:5`), a logarithmic one (`log:0.001..0.1:5`), or words (`md,rigid`)."""
+"""What `--vary KEY=SPEC` means: a list (`0.1,0.2`), a range (`0..1:5`), a logarithmic one (`log:0.001..0.1:5`), or words (`md,rigid`)."""
 
 import math
 import re

@@ -4,7 +4,7 @@ import json
 import os
 import shutil
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from taichi_sand.scene.errors import SandError
 from taichi_sand.study.sweep.job import failure
@@ -25,6 +25,17 @@ class Store:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self._make()
+
+    @classmethod
+    def seen(cls, folder: Path) -> Self:
+        """A store that is only looked at: nothing is made."""
+        store = cls.__new__(cls)
+        store.folder = folder
+        return store
+
+    def _make(self) -> None:
+        folder = self.folder
         try:
             (folder / RUNS).mkdir(parents=True, exist_ok=True)
             probe = folder / RUNS / f"{PART}{os.getpid()}"
