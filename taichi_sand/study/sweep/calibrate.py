@@ -21,8 +21,9 @@ from taichi_sand.study.sweep.store import Store
 
 FIRST = 6
 """Trials spread over the whole range before any is aimed."""
-NEAR, LEAST_NEAR = 0.5, 6
-"""The line is laid through this share of the trials, those nearest to the target, but through so many at least."""
+NEAR, LEAST_NEAR, ROUNDS = 0.6, 6, 3
+"""The line is laid through this share of the trials, those nearest to where it meets the target, but through so many at least; first
+through all, then so often through those near."""
 SURE = 1.96
 """Standard errors of a 95 % interval."""
 AIMED = 2 / 3
@@ -176,31 +177,35 @@ def _aim(trials: list, ranges: Mapping[str, Range], target: float, number: int) 
 
 
 def conclude(trials: list[tuple[dict, float]], ranges: Mapping[str, Range], target: float, within: float) -> Calibration | None:
-    """Fits the measurement near the target by a plane over the keys; None if it does not reach the target within the ranges."""
+    """Fits the measurement by a plane over the keys, near where that meets the target; None if it does not do so within the ranges.
+
+    Which trials are near is told by their places, not by what they measured: to choose by a noisy number would bias the fit.
+    """
     names = list(ranges)
-    if len(trials) < len(names) + 3:
+    least = max(LEAST_NEAR, len(names) + 3)
+    if len(trials) < least:
         return None
     flat = np.array([[ranges[key].flat(values[key]) for key in names] for values, _ in trials])
     value = np.array([v for _, v in trials])
-    rows = np.argsort(abs(value - target), kind="stable")[: max(LEAST_NEAR, math.ceil(NEAR * len(trials)))]
-    if len(names) > 1:
-        rows = rows[: max(len(names) + 3, len(rows))]
-    centre = flat[rows].mean(0)
-    design = np.column_stack([np.ones(len(rows)), flat[rows] - centre])
-    fit, *_ = np.linalg.lstsq(design, value[rows], rcond=None)
-    spread = float(np.sqrt(((value[rows] - design @ fit) ** 2).sum() / max(1, len(rows) - design.shape[1])))
-    slope = fit[1:]
-    if not slope.any():
-        return None
-    way = (target - fit[0]) * slope / (slope @ slope)  # the nearest point of the plane's contour
     ends = np.array([[r.flat(r.low), r.flat(r.high)] for r in ranges.values()])
-    at = np.clip(centre + way, ends[:, 0], ends[:, 1])
-    row = np.concatenate([[1.0], at - centre])
-    measured = float(row @ fit)
-    covariance = spread**2 * np.linalg.pinv(design.T @ design)
-    error = float(np.sqrt(row @ covariance @ row))
+    rows = np.arange(len(trials))
+    for _ in range(ROUNDS):
+        centre = flat[rows].mean(0)
+        design = np.column_stack([np.ones(len(rows)), flat[rows] - centre])
+        fit, *_ = np.linalg.lstsq(design, value[rows], rcond=None)
+        if not fit[1:].any():
+            return None
+        way = (target - fit[0]) * fit[1:] / (fit[1:] @ fit[1:])  # to the nearest point of the plane's contour
+        at = np.clip(centre + way, ends[:, 0], ends[:, 1])
+        row = np.concatenate([[1.0], at - centre])
+        spread = float(np.sqrt(((value[rows] - design @ fit) ** 2).sum() / (len(rows) - design.shape[1])))
+        covariance = spread**2 * np.linalg.pinv(design.T @ design)
+        measured, error = float(row @ fit), float(np.sqrt(row @ covariance @ row))
+        away = np.linalg.norm((flat - at) / np.ptp(ends, axis=1), axis=1)
+        rows = np.argsort(away, kind="stable")[: max(least, math.ceil(NEAR * len(trials)))]
     if abs(measured - target) > max(within, SURE * error):
         return None
+    slope = fit[1:]
     values = {key: rounded(ranges[key].back(float(place))) for key, place in zip(names, at, strict=True)}
     errors = dict.fromkeys(names, math.nan)
     if len(names) == 1:

@@ -11,6 +11,7 @@ from concurrent.futures import Executor, Future, as_completed
 from pathlib import Path
 from typing import Any
 
+from taichi_sand import effects as modules
 from taichi_sand.scene import loading
 from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.schema import Scene
@@ -18,7 +19,6 @@ from taichi_sand.study.sweep import results
 from taichi_sand.study.sweep.job import failure, simulate
 from taichi_sand.study.sweep.local import Crew
 from taichi_sand.study.sweep.plan import Asked, Job, Plan, plan
-from taichi_sand.study.sweep.specs import values_of
 from taichi_sand.study.sweep.store import Store
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -66,9 +66,8 @@ def sweep(
         SandError: nothing can be run as asked, or results cannot be written.
     """
     results.xarray()
-    varied = {key: values_of(key, spec) for key, spec in vary.items()}
     asked = Asked(seconds, every, arch, own_sources(effects), tuple(measures))
-    made = plan(loader(scene, effects), varied, seeds, asked)
+    made = plan(loader(scene, effects), vary, seeds, asked)
     with tempfile.TemporaryDirectory() if folder is None else contextlib.nullcontext(folder) as place:
         store = Store(Path(place))
         with runner(workers or CORES, executor, timeout) as run:
@@ -81,14 +80,17 @@ def loader(scene: Scene | str | Path, effects: Sequence[str | Path] = (), given:
     import taichi_sand
 
     if isinstance(scene, Scene):
-        return lambda overrides: loading.changed(scene, [*given, *overrides])
+        return lambda overrides: _checked(loading.changed(scene, [*given, *overrides]))
     return lambda overrides: taichi_sand.load(scene, [*given, *overrides], effects)
+
+
+def _checked(scene: Scene) -> Scene:
+    modules.check(scene)
+    return scene
 
 
 def own_sources(effects: Sequence[str | Path]) -> dict[str, str]:
     """Source text of effects in Python files, by name."""
-    from taichi_sand import effects as modules
-
     return {modules.add(path): Path(path).read_text("utf-8") for path in effects}
 
 

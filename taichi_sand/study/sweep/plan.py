@@ -12,6 +12,7 @@ from taichi_sand import effects
 from taichi_sand.measure.named import MEASURES
 from taichi_sand.scene.errors import SandError, suggest
 from taichi_sand.scene.schema import Scene
+from taichi_sand.study.sweep.specs import values_of
 
 KEY_LENGTH = 16
 """Hexadecimal digits of a key: a million runs share one by chance once in 4e7 sweeps."""
@@ -65,12 +66,12 @@ def key_of(scene: str, seconds: float, asked: Asked) -> str:
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:KEY_LENGTH]
 
 
-def plan(load: Callable[[list[str]], Scene], vary: Mapping[str, Sequence[Any]], seeds: int | Sequence[int], asked: Asked) -> Plan:
+def plan(load: Callable[[list[str]], Scene], vary: Mapping[str, Any], seeds: int | Sequence[int], asked: Asked) -> Plan:
     """The jobs of a sweep.
 
     Args:
         load: makes the scene for `KEY=VALUE` overrides.
-        vary: the values of each varied key.
+        vary: the values of each varied key, as `specs.values_of` takes them.
         seeds: how many seeds, from that of the scene on, or which.
         asked: what is asked of every run.
 
@@ -80,7 +81,7 @@ def plan(load: Callable[[list[str]], Scene], vary: Mapping[str, Sequence[Any]], 
     """
     if "seed" in vary:
         raise SandError("vary seed: seeds are counted by `seeds` (--seeds N), which is a dimension of its own")
-    base = load([])
+    vary, base = {key: values_of(key, spec) for key, spec in vary.items()}, load([])
     numbers = [base.seed + k for k in range(seeds)] if isinstance(seeds, int) else [int(seed) for seed in seeds]
     if not numbers:
         raise SandError("seeds: there must be at least one")
@@ -95,7 +96,7 @@ def plan(load: Callable[[list[str]], Scene], vary: Mapping[str, Sequence[Any]], 
         jobs += [_job(scene, refusal, {**named, "seed": seed}, asked) for seed in numbers]
     if all(job.refusal for job in jobs):
         raise SandError(jobs[0].refusal)
-    return Plan(base.title, {key: list(values) for key, values in vary.items()}, numbers, jobs)
+    return Plan(base.title, vary, numbers, jobs)
 
 
 def _scene(load: Callable[[list[str]], Scene], named: Mapping[str, Any]) -> tuple[Scene | None, str]:
