@@ -14,6 +14,8 @@ from taichi_sand.study.sweep.plan import Job
 
 GRACE = 5.0
 """A run that is past its time is asked to stop by itself; so many seconds later its process is killed."""
+LEAVE = 10.0
+"""Time that an idle process has to leave [s]: it then files the kernels that it has compiled."""
 TRIES = 2
 """A run whose process dies is tried once more: it may have been killed for what another one took."""
 
@@ -70,8 +72,9 @@ class Worker:
         return files
 
     def end(self) -> None:
-        """Stops it at once."""
+        """Lets it go, so that it keeps the kernels that it has compiled; stops it at once if it is at work."""
         self.pipe.close()
+        self.process.join(0.0 if self.job or self.lost else LEAVE)
         self.process.kill()
         self.process.join()
 
@@ -93,6 +96,8 @@ class Crew:
         return self
 
     def __exit__(self, *error: object) -> None:
+        for worker in self.crew:
+            worker.pipe.close()  # all at once
         for worker in self.crew:
             worker.end()
         self.crew = []
