@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from taichi_sand import cli
+from taichi_sand.files import writing
 from taichi_sand.scene.errors import PhysicsError, SandError
 
 Vary = Annotated[
@@ -62,10 +63,14 @@ def sweep(
             return
         cli._check_seconds(seconds)
         results.xarray()
-        for file in filter(None, (plot, write_commands)):
-            cli.check_writable(file)
+        for file, option in ((plot, "--plot"), (write_commands, "--write-commands")):
+            if file is not None:
+                writing.check(file, option)
+        for folder, option in ((out, "--out"), (grainlearning, "--grainlearning")):
+            if folder is not None and not dry_run:
+                writing.check(folder, option, folder=True)
         made, asked = _plan(scene, vary, seeds, seconds, every, measure, overrides, effect, arch)
-        store = Store(out) if not dry_run else Store.seen(out)
+        store = Store(out)
         left = engine.due(made, store, retry_failed)
         if dry_run:
             kinds = len({job.structure for job in left})
@@ -113,6 +118,7 @@ def calibrate(
 
         cli._check_seconds(seconds)
         search.optuna()
+        writing.check(out, "--out", folder=True)
         ranges = search.ranges_of(dict(map(parse, vary)), {text.partition("=")[0]: "=log:" in text for text in vary})
         named = (measure,) if measure in MEASURES else ()
         asked = Asked(seconds, None, arch, engine.own_sources(effect or ()), named)

@@ -122,3 +122,19 @@ def test_the_notebook(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert speed and float(speed[1]) < 0.02
     assert 8 < angles["disc"] < angles["triangle"] - 2 < 40
     assert any("image/png" in out.get("data", {}) for cell in cells for out in cell.outputs)
+
+
+def test_the_map_of_repose_angles(tmp_path: Path) -> None:
+    """A heap of few grains is steeper with friction than nearly without (physics.md B4)."""
+    (tmp_path / "small.py").write_text(
+        "import sys; sys.path.insert(0, sys.argv[1])\n"
+        "from pathlib import Path\n"
+        "import repose_map\n"
+        "if __name__ == '__main__':\n"
+        "    repose_map.main(Path('map'), 1, '0.02,0.8', '0.02,0.1', ('scale=0.3', 'duration=3.0'))\n"
+    )
+    python("small.py", EXAMPLES, folder=tmp_path)
+    rows = list(csv.DictReader((tmp_path / "map" / "sweep.csv").open(encoding="utf-8")))
+    angle = {(row["effects.rolling.mu"], row["effects.friction.mu"]): float(row["repose_angle"]) for row in rows}
+    assert angle["0.1", "0.8"] > angle["0.02", "0.02"] + 3
+    assert Image.open(tmp_path / "map" / "repose_map.png").size[0] > 400

@@ -8,6 +8,8 @@ import numpy as np
 
 STRIP = 1.5
 """Width of the strips that a surface is looked at through [d]."""
+GAP = 3.0
+"""A gap of so many d parts what lies above it from the bed below."""
 FLANK = (0.2, 0.8)
 """Part of a flank that its slope is fitted to, from top to foot: the top is round, the foot is one grain thin."""
 FOOT = 1.5
@@ -16,13 +18,19 @@ LEAST = 4
 """Fewest strips that a slope is fitted to."""
 
 
-def surface(place: np.ndarray, radius: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """Highest points of the grains at `place` (n, 2) with `radius` (n,), one in each strip of `width` that holds any: x and y, by x [m]."""
-    top = place[:, 1] + radius
-    order = np.lexsort((-top, np.floor(place[:, 0] / width)))
-    first = np.unique(np.floor(place[order, 0] / width), return_index=True)[1]
-    best = order[first]
-    return place[best, 0], top[best]
+def surface(place: np.ndarray, radius: np.ndarray, width: float, gap: float) -> tuple[np.ndarray, np.ndarray]:
+    """Highest points of the bed of grains at `place` (n, 2) with `radius` (n,), one in each strip of `width` that holds any: x, y [m].
+
+    What lies over a gap of more than `gap` [m] is not of the bed: grains that fall, or hang in a silo above it.
+    """
+    order = np.lexsort((place[:, 1], np.floor(place[:, 0] / width)))
+    strip, height, top = np.floor(place[order, 0] / width), place[order, 1], place[order, 1] + radius[order]
+    tops = []
+    for rows in np.split(np.arange(len(order)), np.flatnonzero(np.diff(strip)) + 1):
+        apart = np.flatnonzero(np.diff(height[rows]) > gap)
+        bed = rows[: apart[0] + 1] if len(apart) else rows
+        tops.append(bed[np.argmax(top[bed])])
+    return place[order[tops], 0], top[tops]
 
 
 def repose_angle(sim: Any) -> float:
@@ -37,7 +45,7 @@ def repose_angle(sim: Any) -> float:
     if free.sum() < LEAST:
         return math.nan
     d = sim.bed.diameter
-    x, y = surface(places[free, :2], places[free, 2], STRIP * d)
+    x, y = surface(places[free, :2], places[free, 2], STRIP * d, GAP * d)
     low = float((places[free, 1] + places[free, 2]).min())
     heap = y > low + FOOT * d
     if not heap.any():

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_sand import effects as modules
+from taichi_sand.files import writing
 from taichi_sand.scene import loading
 from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.schema import Scene
@@ -119,7 +120,6 @@ def _local(workers: int, timeout: float | None) -> Iterator[Runner]:
 
 def execute(made: Plan, store: Store, run: Runner, retry_failed: bool = False, progress: Callable[[float], None] | None = None) -> None:
     """Runs what of a plan is not in the store yet; see `sweep`."""
-    store.clean()
     left = due(made, store, retry_failed)
     for job in [job for job in left if job.refusal]:
         store.put(job, simulate(job))
@@ -171,14 +171,12 @@ def write_commands(made: Plan, store: Store, file: Path, retry_failed: bool, tim
     left = [job for job in due(made, store, retry_failed) if not job.refusal]
     folder = (store.folder / "jobs").absolute()
     more = ["--timeout", f"{timeout:g}"] if timeout else []
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for job in left:
-            (folder / f"{job.key}.json").write_text(json.dumps(dataclasses.asdict(job)), "utf-8")
-        lines = [shlex.join(["taichi-sand", "sweep", "--run", str(folder / f"{job.key}.json"), *more]) for job in left]
-        file.write_text("".join(f"{line}\n" for line in lines), "utf-8")
-    except OSError as error:
-        raise SandError(f"{error.filename or file} could not be written: {error.strerror}") from None
+    for job in left:
+        with writing.replacing(folder / f"{job.key}.json") as made_file:
+            made_file.write_text(json.dumps(dataclasses.asdict(job)), "utf-8")
+    lines = [shlex.join(["taichi-sand", "sweep", "--run", str(folder / f"{job.key}.json"), *more]) for job in left]
+    with writing.replacing(file, empty=True) as made_file:
+        made_file.write_text("".join(f"{line}\n" for line in lines), "utf-8")
     return len(left)
 
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from taichi_sand.files import writing
 from taichi_sand.scene.errors import SandError
 from taichi_sand.study.sweep.plan import Plan
 from taichi_sand.study.sweep.plot import numeric
@@ -28,9 +29,8 @@ def export(plan: Plan, store: Store, folder: Path, name: str = "taichi_sand") ->
     if not jobs:
         raise SandError("GrainLearning compares series in time: run the sweep with --every")
     parameters = [key.replace(".", "_") for key in plan.vary] + ["seed"]
-    target = folder / f"iter{ITERATION}"
-    try:
-        target.mkdir(parents=True, exist_ok=True)
+    with writing.replacing(folder / f"iter{ITERATION}", folder=True) as target:
+        target.mkdir()
         samples = []
         digits = len(str(max(len(jobs) - 1, 1)))
         for number, job in enumerate(jobs):
@@ -43,6 +43,4 @@ def export(plan: Plan, store: Store, folder: Path, name: str = "taichi_sand") ->
             samples.append(f"1 {stem} {number} " + " ".join(f"{value:.10e}" for value in values))
         table = " ".join(["!OMP_NUM_THREADS", "description", "key", *parameters])
         (target / f"{name}_Iter{ITERATION}_Samples.txt").write_text("\n".join([table, *samples, ""]), "utf-8")
-    except OSError as error:
-        raise SandError(f"{folder}: could not be written: {error.strerror}") from None
     return len(jobs)

@@ -1,11 +1,11 @@
 """Pictures of a sweep: lines with bands over one key, a map over two."""
 
-import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from taichi_sand.files import writing
 from taichi_sand.scene.errors import SandError, suggest
 from taichi_sand.study.plot import COLOURS, DIM, GROUND, LINE, PANEL, TEXT, pyplot
 
@@ -55,16 +55,9 @@ def plot(found: Any, measure: str, path: Path) -> None:
     note = f"mean over {found.sizes['seed']} seeds" + (", band: 95 % of the mean" if found.sizes["seed"] > 1 else "")
     figure.text(0.02, 0.01, note, color=DIM, fontsize=8, va="bottom")
     figure.tight_layout(rect=(0, 0.03, 1, 0.97))
-    picture = io.BytesIO()
-    figure.savefig(picture, format="png", dpi=110, facecolor=GROUND)
+    with writing.replacing(path) as made:
+        figure.savefig(made, format="png", dpi=110, facecolor=GROUND)
     plt.close(figure)
-    part = path.with_name(f".{path.name}.part")
-    try:
-        part.write_bytes(picture.getvalue())
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise SandError(f"--plot {path}: could not be written: {error.strerror}") from None
 
 
 def draw_lines(panel: Any, found: Any, keys: list[str], mean: np.ndarray, error: np.ndarray) -> None:

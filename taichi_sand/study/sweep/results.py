@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import taichi_sand
+from taichi_sand.files import writing
 from taichi_sand.measure.named import UNITS
 from taichi_sand.scene.errors import SandError
 from taichi_sand.study.sweep.job import as_csv, numbers
@@ -91,13 +92,8 @@ def write(plan: Plan, store: Store, command: str) -> Any:
 
 
 def _put(path: Path, content: bytes) -> None:
-    part = path.with_name(f".{path.name}.part")
-    try:
-        part.write_bytes(content)
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise SandError(f"{path} could not be written: {error.strerror}") from None
+    with writing.replacing(path) as made:
+        made.write_bytes(content)
 
 
 def failed(plan: Plan, store: Store) -> list[tuple[Job, str]]:
