@@ -131,7 +131,7 @@ def test_the_map_of_repose_angles(tmp_path: Path) -> None:
         "from pathlib import Path\n"
         "import repose_map\n"
         "if __name__ == '__main__':\n"
-        "    repose_map.main(Path('map'), 1, '0.02,0.8', '0.02,0.1', ('scale=0.3', 'duration=3.0'))\n"
+        "    repose_map.main(Path('map'), 1, '0.02,0.8', '0.02,0.1', ('grains[1].count=200', 'grains[2].count=200', 'duration=2.5'))\n"
     )
     python("small.py", EXAMPLES, folder=tmp_path)
     rows = list(csv.DictReader((tmp_path / "map" / "sweep.csv").open(encoding="utf-8")))

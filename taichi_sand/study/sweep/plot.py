@@ -33,6 +33,8 @@ def plot(found: Any, measure: str, path: Path) -> None:
         SandError: there is no such number, more than two keys are varied, or the file cannot be written.
     """
     names = [name for name in found.data_vars if name not in ("run", "status", "sentence")]
+    if measure not in names and not (found["status"] == "done").any():
+        raise SandError(f"--plot: every run failed, the first with: {found['sentence'].values.flat[0]}")
     if measure not in names:
         raise SandError(f"--measure {measure}: the sweep has no such number{suggest(measure, names)}")
     keys = [dim for dim in found.dims if dim != "seed"]
@@ -52,7 +54,7 @@ def plot(found: Any, measure: str, path: Path) -> None:
     for spine in panel.spines.values():
         spine.set_color(LINE)
     figure.suptitle(found.attrs.get("title", ""), x=0.02, ha="left", color=TEXT)
-    note = f"mean over {found.sizes['seed']} seeds" + (", band: 95 % of the mean" if found.sizes["seed"] > 1 else "")
+    note = f"mean over {found.sizes['seed']} seeds" + (", band: 95 % of the mean" if panel.lines and found.sizes["seed"] > 1 else "")
     figure.text(0.02, 0.01, note, color=DIM, fontsize=8, va="bottom")
     figure.tight_layout(rect=(0, 0.03, 1, 0.97))
     with writing.replacing(path) as made:
@@ -82,6 +84,6 @@ def draw_map(figure: Any, panel: Any, found: Any, keys: list[str], mean: np.ndar
     """Values over two keys, in colours."""
     y, x = found[keys[0]].values, found[keys[1]].values
     image = panel.pcolormesh(x, y, mean, shading="nearest", cmap="viridis")
-    panel.set_ylabel(keys[0])
+    panel.set(ylabel=keys[0], xticks=x, yticks=y)
     bar = figure.colorbar(image, ax=panel)
     bar.set_label(label, color=TEXT)
