@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from taichi_sand.clock import Clock
 from taichi_sand.world.build import read_grains
 from taichi_sand.world.flags import sentences
 from taichi_sand.world.tables import World
@@ -18,7 +19,7 @@ class Readings:
     removed: int
     epoch: tuple[int, float]
     step: float
-    _stage: Any
+    clock: Clock
 
     def _grains(self) -> dict[str, np.ndarray]:
         return read_grains(self.world)
@@ -81,7 +82,7 @@ class Readings:
         """What the simulation did, how well and at what cost; the keys are those of `taichi-sand run --json`."""
         from taichi_sand.measure.report import report
 
-        with self._stage("measure"):
+        with self.clock.stage("measure"):
             return report(self)
 
     def image(self) -> np.ndarray:

@@ -1,9 +1,7 @@
 """The main loop: search, march, until the time asked for; and the state of a simulation, to read and to keep."""
 
 import math
-import time
 from collections.abc import Callable, Sequence
-from contextlib import contextmanager
 from dataclasses import replace
 from os import PathLike
 from typing import Any
@@ -12,6 +10,7 @@ import numpy as np
 
 from taichi_sand import effects as effect_modules
 from taichi_sand import marching
+from taichi_sand.clock import Clock
 from taichi_sand.keeping import Keeping
 from taichi_sand.readings import Readings
 from taichi_sand.scene import loading
@@ -53,9 +52,9 @@ class Simulation(Keeping, Readings):
     def __init__(
         self, scene: Scene | str | PathLike[str], *, arch: str = "cpu", threads: int | None = None, room: int = 0, hand: bool = False
     ) -> None:
-        self.clock = {"wall": 0.0, "compile": 0.0, "stages": {}}
+        self.clock = Clock()
         scene = loading.scene_of(scene)
-        with self._stage("compile"):
+        with self.clock.stage("compile"):
             self.scene, self.arch, self.threads, self.room = scene, arch, threads, room
             self.first_walls = scene.walls  # those that tables have been made for
             device.start(self, arch, threads, scene.solver.precision)
@@ -138,15 +137,16 @@ class Simulation(Keeping, Readings):
             pauses.append((self._pour, max(1, math.floor(sources.INTERVAL / self.step))))
         while self.steps < end:
             part = min([end - self.steps, self._steps_to_look()] + [every - self.steps % every for _, every in pauses])
-            with self._stage("march"):
+            with self.clock.stage("march"):
                 self._march(part)
             self.steps += part
+            self.clock.count(self.count, part, self.step)
             for act, every in pauses:
                 if self.steps % every == 0:
-                    with self._stage("effects"):
+                    with self.clock.stage("effects"):
                         act(self.world, self.solver)
             if self._steps_to_look() == self._look_every():
-                with self._stage("look"):
+                with self.clock.stage("look"):
                     self._look()
 
     def _pour(self, world: Any, solver: Any) -> None:
@@ -207,7 +207,7 @@ class Simulation(Keeping, Readings):
 
     def renew(self) -> None:
         """Searches anew, after grains or walls have been changed by hand; what contacts that are gone carried is forgotten."""
-        with self._stage("march"):
+        with self.clock.stage("march"):
             wake(self.world)
             self.world.pace[None].spent = 1
             self._march(0)
@@ -263,15 +263,3 @@ class Simulation(Keeping, Readings):
 
     def _march(self, count: int) -> None:
         marching.march(self.world, self.solver, self.steps, self.steps + count)
-
-    @contextmanager
-    def _stage(self, name: str) -> Any:
-        """Adds the time of the block to stage `name`."""
-        start = time.perf_counter()
-        try:
-            yield
-        finally:
-            spent = time.perf_counter() - start
-            self.clock["compile" if name == "compile" else "wall"] += spent
-            if name != "compile":
-                self.clock["stages"][name] = self.clock["stages"].get(name, 0.0) + spent

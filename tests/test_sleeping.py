@@ -210,7 +210,7 @@ def test_waking_a_few_changes_nothing_else(kind: str) -> None:
     keys = ("contacts", "overlap_mean", "overlap_max", "floor_force_N", "coordination", "packing_fraction", "potential_energy_J")
     resting, here, naps = sim.report(), sim.positions, sim.world.naps
     left = [100]
-    for slot in (60, 95, 99):
+    for slot in (0, 60, 95, 99):  # at the left wall, amid, at the right wall
         x, y = sim.world.grains.site[slot]
         naps.woken[int(x) * int(sim.world.box[None].sites[1]) + int(y)] = 1
         naps.state[None].due = 1

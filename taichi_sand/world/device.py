@@ -12,7 +12,7 @@ os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 import taichi as ti
 
 from taichi_sand.scene.errors import SandError
-from taichi_sand.world import fields
+from taichi_sand.world import compiling, fields
 from taichi_sand.world.direct import CPUS, reach_in
 from taichi_sand.world.haste import hasten
 
@@ -73,6 +73,7 @@ def launch(arch: str, threads: int, precision: int) -> None:
     """ti.init, with an error in words if the backend is not there."""
     hasten()
     reach_in()
+    compiling.watch()
     kind = getattr(ti, arch)
     real = ti.f64 if precision == 64 else ti.f32
     with contextlib.redirect_stdout(None):  # it announces itself there, whatever the log level

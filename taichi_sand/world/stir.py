@@ -6,7 +6,7 @@ Not in cells: there all are woken, and those who may sleep are laid down again (
 import taichi as ti
 
 from taichi_sand.world.clumps import head
-from taichi_sand.world.geometry import add, perp, position
+from taichi_sand.world.geometry import add, perp, position, wall_row
 from taichi_sand.world.naps import drowsy, home, sleeper_block
 from taichi_sand.world.pairs import clear_rows
 
@@ -136,7 +136,21 @@ def bury(w: ti.template()):
             clear_rows(w, p, p + 1, 1)
     for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
         if w.pairs.first[p] < first:
-            clear_rows(w, p, p + 1, 1)
+            clear_wall_row(w, p)
+
+
+@ti.func
+def clear_wall_row(w: ti.template(), row):
+    """A row for a pair with a wall that stands for none: the end of a wall, far away. Of a line the distance would have a sign, and the
+    second of a pair of grains would be no part of a wall.
+    """
+    pairs = ti.static(w.pairs)
+    k = wall_row(w, row)
+    clear_rows(w, row, row + 1, 1)
+    pairs.second[row], pairs.side[k] = 0, 0.0
+    pairs.along[k], pairs.bounds[k] = ti.Vector([0.0, 0.0]), ti.Vector([0.0, 0.0])
+    if ti.static(w.moves):
+        pairs.hinge[k] = ti.Vector([0.0, 0.0])
 
 
 @ti.kernel
