@@ -46,7 +46,9 @@ HOOKS = {
     },
     "both": {
         "heat": "(w, i, energy): contacts have turned so much energy of motion into heat of grain i [J]; see world.ledger",
-        "link": "(w, c, k): force of link k, which is whole, on its second grain [N]; w.links.whole[k] = 0 breaks it",
+        "link": "(w, c, k): force of link k, which is whole, on its second grain [N]",
+        "snap": "(w, c, k): breaks link k by w.links.whole[k] = 0, or not; the impulse on its second grain with which it breaks [N s]",
+        "kept": "(w, c, k): elastic energy that link k, which is whole, holds [J]; asked for if some effect has `heat`",
         "body": "(w, c, i): force and torque on grain i in every step, as a wrench [N, N, N m, 0]",
         "watch": "(w, s): within a launch, between two steps, every `interval` seconds, the least of all that watch; s is the solver",
         "between": "(world, solver): Python, between launches, every `interval` seconds of simulated time",

@@ -18,6 +18,7 @@ import taichi as ti
 
 from taichi_sand.scene.bodies import neighbours
 from taichi_sand.scene.parameters import Parameter
+from taichi_sand.world.geometry import at_least, at_most
 from taichi_sand.world.links import link_way
 
 PARAMETERS = (
@@ -33,25 +34,70 @@ STEP_SHARE = 0.5
 """Of the longest stable step: the contacts need the rest, and a pair at it oscillates 5 % too fast."""
 
 
+@ti.func
+def overdone(w: ti.template(), beyond, stretch, speed, stiffness, dashpot):
+    """What the dashpot has taken, over the mass, in the part of the last step in which the bond was `beyond` where it broke [m].
+
+    It went by the velocity at the start of that step, as velocities are half a step behind; the first step of velocity Verlet is a half.
+    """
+    step = w.pace[None].step
+    way = step * speed
+    share = step * dashpot * ti.select(w.pace[None].done == 0, 0.5, 1.0)
+    before = (speed + step * stiffness * (stretch - way)) / (1.0 - share)
+    taken = share * before * 0.5 * (before + speed)
+    return ti.select(beyond > 0.0 and way > 0.0, at_most(1.0, beyond / (way + 1e-30)) * taken, 0.0)
+
+
 @dataclass(frozen=True, eq=False)
 class Bonds:
     """The effect as kernels see it."""
 
     @ti.func
     def link(self, w: ti.template(), c: ti.template(), k):
-        """Force of bond k on its second grain [N]; breaks it if it pulls too hard."""
+        """Force of bond k on its second grain [N]."""
+        stretch, speed, normal, stiffness, dashpot = self.state(w, c, k)
+        return -(stiffness * stretch + dashpot * speed) * normal
+
+    @ti.func
+    def snap(self, w: ti.template(), c: ti.template(), k):
+        """Breaks bond k if it has been stretched to its strength; returns the impulse on its second grain with which it does [N s].
+
+        A bond is looked at once a step, later than it broke and after forces that were those of the starts of steps. The impulse makes up
+        for both: with it the bond has taken S^2 / 2k out of the motion of its grains, and its dashpot what it takes until then. Where
+        velocities are half a step behind (c.step / 2), a spring has so far taken k x^2 / 2 - h k x v / 2: that is what symplectic Euler
+        exchanges for kinetic energy without error. RK4, whose stages would see a bond that is long broken, looks ahead.
+        """
+        stretch, speed, normal, stiffness, dashpot = self.state(w, c, k)
+        impulse = 0.0
+        strength, step = c.bonds_strength * w.box[None].weight, w.pace[None].step
+        foreseen = stretch + (step - c.step) * at_least(0.0, speed)
+        if strength > 0.0 and stiffness * foreseen > strength:
+            most, mass = strength / stiffness, w.links.mass[k]
+            missing = 0.5 * stiffness * (most * most - stretch * stretch + c.step * stretch * speed)
+            missing += at_least(0.0, most - stretch) * dashpot * speed
+            missing -= overdone(w, stretch - most, stretch, speed, stiffness / mass, dashpot / mass) * mass
+            square = speed * speed - 2.0 * missing / mass
+            if square >= 0.0:
+                w.links.whole[k] = 0
+                impulse = mass * (ti.select(speed < 0.0, -ti.sqrt(square), ti.sqrt(square)) - speed)
+        return impulse * normal
+
+    @ti.func
+    def kept(self, w: ti.template(), c: ti.template(), k):
+        """Elastic energy of bond k [J]."""
+        stretch, _speed, _normal, stiffness, _dashpot = self.state(w, c, k)
+        return 0.5 * stiffness * stretch * stretch
+
+    @ti.func
+    def state(self, w: ti.template(), c: ti.template(), k):
+        """How much longer than at rest bond k is [m], how fast it becomes so [m/s], its direction, stiffness [N/m] and dashpot [N s/m]."""
         box = w.box[None]
         way, motion = link_way(w, k)
         distance = way.norm() + 1e-30
         normal = way / distance
         stiffness = c.bonds_stiffness * box.weight / box.diameter
-        pull = stiffness * (distance - w.links.rest[k])
         dashpot = 2.0 * c.bonds_damping * ti.sqrt(stiffness * w.links.mass[k])
-        force = -(pull + dashpot * motion.dot(normal)) * normal
-        if c.bonds_strength > 0.0 and pull > c.bonds_strength * box.weight:
-            w.links.whole[k] = 0
-            force = ti.Vector([0.0, 0.0])
-        return force
+        return distance - w.links.rest[k], motion.dot(normal), normal, stiffness, dashpot
 
 
 def misfit(scene: Any) -> str:

@@ -14,7 +14,7 @@ from taichi_sand.world import fields
 from taichi_sand.world.clumps import head
 from taichi_sand.world.geometry import add, movable, wrench
 from taichi_sand.world.ledger import settle_work
-from taichi_sand.world.links import pull_links
+from taichi_sand.world.links import pull_links, settle_links
 from taichi_sand.world.motion import check_speed, drift, fastest_spin, with_body
 from taichi_sand.world.movers import place_walls
 from taichi_sand.world.sweep import each_grain, going, sweep
@@ -66,6 +66,7 @@ def kick_and_drift(w: ti.template(), s: ti.template(), c: ti.template(), start, 
     for i in range(start, end):
         change = h * acceleration(w, with_body(w, s, c, i, g.wrench[i], 1.0), gravity, i)
         settle_work(w, s, i, h * g.wrench[i], change)
+        settle_links(w, s, i, h, change)
         add(g.twist, i, change)
         g.wrench[i] = ti.Vector([0.0, 0.0, 0.0, 0.0])
     drift(w, start, end)
@@ -76,7 +77,7 @@ def symplectic_euler(w: ti.template(), s: ti.template(), c: ti.template(), pair:
     """v += h a(x, v), then x += h v: first order, and no drift of energy."""
     if ti.static(w.moves):
         place_walls(w, 0.0, 0.0)
-    pull_links(w, s, c, going)
+    pull_links(w, s, c, going, True)
     sweep(w, pair, kick_and_drift, s, c, going)
 
 
@@ -117,13 +118,13 @@ def velocity_verlet(w: ti.template(), s: ti.template(), c: ti.template(), pair: 
     c.step = 0.0  # what pairs remember does not advance
     if ti.static(w.moves):
         place_walls(w, 0.0, 0.0)
-    pull_links(w, s, c, starting)
+    pull_links(w, s, c, starting, False)
     sweep(w, pair, gather, s, c, starting)
     c.step = h
     each_grain(w, half_kick_and_drift, s, c)
     if ti.static(w.moves):
         place_walls(w, 1.0, 1.0)
-    pull_links(w, s, c, going)
+    pull_links(w, s, c, going, True)
     sweep(w, pair, half_kick, s, c, going)
 
 
@@ -172,7 +173,7 @@ def rk4(w: ti.template(), s: ti.template(), c: ti.template(), pair: ti.template(
             c.step = 0.5 * h * (stage % 2)
             if ti.static(w.moves):
                 place_walls(w, 0.5 * ((stage + 1) // 2), 0.5 * ((stage + 1) // 2))
-            pull_links(w, s, c, going)
+            pull_links(w, s, c, going, stage == 0)
             sweep(w, pair, runge_kutta, s, c, going)
     else:
         for stage in ti.static(range(4)):
@@ -180,7 +181,7 @@ def rk4(w: ti.template(), s: ti.template(), c: ti.template(), pair: ti.template(
             c.step = 0.5 * h * (stage % 2)
             if ti.static(w.moves):
                 place_walls(w, 0.5 * ((stage + 1) // 2), 0.5 * ((stage + 1) // 2))
-            pull_links(w, s, c, going)
+            pull_links(w, s, c, going, stage == 0)
             sweep(w, pair, runge_kutta, s, c, going)
 
 

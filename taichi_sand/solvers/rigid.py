@@ -20,7 +20,7 @@ from taichi_sand.solvers.impulses import arms, cone, give, lay_by, lowest, meeti
 from taichi_sand.solvers.tolerance import rigid_numbers
 from taichi_sand.world.geometry import add, at_least, distance_to_second, movable, weigh_clumps, within, wrench
 from taichi_sand.world.ledger import settle_work
-from taichi_sand.world.links import pull_links
+from taichi_sand.world.links import pull_links, settle_links
 from taichi_sand.world.motion import drift, with_body
 from taichi_sand.world.movers import feel, place_walls
 from taichi_sand.world.sweep import each_grain, each_pair, going, nothing, sweep, sweep_twice, sweeps_join
@@ -91,6 +91,7 @@ def kick(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
     for i in range(start, end):
         change = with_body(w, s, c, i, early * g.wrench[i], c.step) * g.mobility[i] + gravity * movable(w, i)
         settle_work(w, s, i, early * g.wrench[i], change)
+        settle_links(w, s, i, c.step, change)
         add(g.twist, i, change)
 
 
@@ -209,7 +210,7 @@ def step(w: ti.template(), s: ti.template(), impacts: ti.template()):
     c = s.constants[None]
     if ti.static(w.moves):
         place_walls(w, 0.0, 0.5)
-    pull_links(w, s, c, going)
+    pull_links(w, s, c, going, True)
     if ti.static(impacts):
         if w.pace[None].spent == 0:
             w.pace[None].guess = w.pace[None].impacts

@@ -11,7 +11,7 @@ from taichi_sand.simulation import Simulation
 LOOPS = {
     **dict.fromkeys(("normal", "tangent", "couple", "touch", "release", "store"), "pairs"),
     **dict.fromkeys(("floor", "cone", "spin_cone"), "pairs, twice"),
-    "link": "links",
+    **dict.fromkeys(("link", "snap", "kept"), "links"),
     "body": "grains",
     "heat": "pairs and grains",
 }

@@ -2,6 +2,7 @@
 
 Before the forces of a step are summed, the force of every link is found once, each link on its own; then every grain adds up those of
 its links, in a fixed order. So links need no colours and no atomics, reach as far as they like, and pull both ends exactly alike.
+What a link breaks with in its last step is an impulse, a force that stays the same in all stages of that step.
 """
 
 from typing import Any, NamedTuple
@@ -10,7 +11,8 @@ import numpy as np
 import taichi as ti
 
 from taichi_sand.world import fields
-from taichi_sand.world.geometry import mobility, velocity
+from taichi_sand.world.geometry import mobility, movable, velocity
+from taichi_sand.world.ledger import book
 from taichi_sand.world.tables import CHUNK, STRIPS, round_up, write_rows
 
 
@@ -24,6 +26,9 @@ class Links(NamedTuple):
     reach: Any  # from the first centre to the second at the last search [m], 2-vector
     mass: Any  # effective mass along the link [kg]
     force: Any  # on the second grain, in this step [N], 2-vector
+    last: Any  # 1 = this is the step in which it breaks, i32
+    held: Any  # elastic energy that it held when last looked at [J]; known only where heat is booked
+    gained: Any  # by how much that was more than the time before [J]
     start: Any  # links of a grain: first entry in `of`, by id, shape (ids + 1,), i32
     of: Any  # twice the number of the link, plus 1 if the grain is its second, shape (2 * links,), i32
     slot: Any  # of a grain, by id, shape (ids,), i32
@@ -40,7 +45,8 @@ def build_links(ends: np.ndarray | None, grains: Any, real: Any) -> Links | None
     rows = round_up(count)
     links = Links(
         **{name: fields.vectors(2, kind, rows) for name, kind in (("ends", ti.i32), ("slots", ti.i32), ("reach", real), ("force", real))},
-        **{name: fields.scalars(kind, rows) for name, kind in (("rest", real), ("whole", ti.i32), ("mass", real))},
+        **{name: fields.scalars(kind, rows) for name, kind in (("rest", real), ("whole", ti.i32), ("mass", real), ("last", ti.i32))},
+        **{name: fields.scalars(real, rows) for name in ("held", "gained")},
         start=fields.scalars(ti.i32, ids + 1),
         of=fields.scalars(ti.i32, 2 * rows),
         slot=fields.scalars(ti.i32, ids),
@@ -77,7 +83,7 @@ def find_links(w: ti.template()):
     ti.loop_config(serialize=w.layout != "cells")
     for k in range(links.count[None]):
         i, j = links.slot[links.ends[k].x], links.slot[links.ends[k].y]
-        links.slots[k] = ti.Vector([i, j])
+        links.slots[k], links.last[k] = ti.Vector([i, j]), 0
         if i < 0 or j < 0:
             links.whole[k] = 0
         if links.whole[k] == 1:
@@ -98,33 +104,62 @@ def link_way(w: ti.template(), k):
 
 
 @ti.func
-def pull_block(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
+def pull_block(w: ti.template(), s: ti.template(), c: ti.template(), start, end, may_break):
     """Finds the forces of the links start .. end-1."""
+    links = ti.static(w.links)
     for k in range(start, end):
+        if may_break:
+            links.last[k] = 0
+            if links.whole[k] == 1:
+                break_link(w, s, c, k)
         force = ti.Vector([0.0, 0.0])
-        if w.links.whole[k] == 1:
+        if links.last[k] == 1:
+            force = links.force[k]
+        elif links.whole[k] == 1:
             for effect in ti.static(s.effects):
                 if ti.static(hasattr(effect, "link")):
                     force += effect.link(w, c, k)
-        w.links.force[k] = force
+        links.force[k] = force
+        if ti.static(s.books):
+            energy = 0.0
+            if links.whole[k] == 1:
+                for effect in ti.static(s.effects):
+                    if ti.static(hasattr(effect, "kept")):
+                        energy += effect.kept(w, c, k)
+            links.gained[k] = energy - links.held[k]
+            links.held[k] = energy
 
 
 @ti.func
-def pull_links(w: ti.template(), s: ti.template(), c: ti.template(), when: ti.template()):
-    """Finds the forces of all links, if when(w): ahead of a sweep whose grain function takes them in."""
+def break_link(w: ti.template(), s: ti.template(), c: ti.template(), k):
+    """Lets the effects break link k: its force in this step is then the impulse that it breaks with, spread over the step."""
+    for effect in ti.static(s.effects):
+        if ti.static(hasattr(effect, "snap")):
+            impulse = effect.snap(w, c, k)
+            if w.links.whole[k] == 0 and w.links.last[k] == 0:
+                w.links.last[k] = 1
+                w.links.force[k] = impulse / w.pace[None].step
+
+
+@ti.func
+def pull_links(w: ti.template(), s: ti.template(), c: ti.template(), when: ti.template(), may_break):
+    """Finds the forces of all links, if when(w): ahead of a sweep whose grain function takes them in. `may_break`: whether this is the
+    first time in a step.
+    """
     if ti.static(w.linked):
         if ti.static(w.layout == "one"):
             if when(w):
-                pull_block(w, s, c, 0, w.links.count[None])
+                pull_block(w, s, c, 0, w.links.count[None], may_break)
         elif ti.static(w.layout == "strips"):
             for k in range(STRIPS * CHUNK):
                 if k % CHUNK == 0 and when(w):
                     b = k // CHUNK
-                    pull_block(w, s, c, b * w.links.count[None] // STRIPS, (b + 1) * w.links.count[None] // STRIPS)
+                    count = w.links.count[None]
+                    pull_block(w, s, c, b * count // STRIPS, (b + 1) * count // STRIPS, may_break)
         else:
             for k in range(w.links.whole.shape[0]):
                 if k < w.links.count[None] and when(w):
-                    pull_block(w, s, c, k, k + 1)
+                    pull_block(w, s, c, k, k + 1, may_break)
 
 
 @ti.func
@@ -138,6 +173,26 @@ def pull_of(w: ti.template(), i):
             pull = links.force[links.of[q] // 2]
             force += ti.select(links.of[q] % 2 == 1, pull, -pull)
     return ti.Vector([force.x, force.y, 0.0, 0.0])
+
+
+@ti.func
+def settle_links(w: ti.template(), s: ti.template(), i, time, change):
+    """The links of grain i pull it for `time` in a kick that changes its twist by `change`: what that takes out of its motion is heat, but
+    for its half of what they hold more than before. A link that breaks holds nothing any more. See world.ledger.
+    """
+    if ti.static(w.linked and s.books):
+        links = ti.static(w.links)
+        energy = -time * pull_of(w, i).dot(w.grains.twist[i] + 0.5 * change)
+        id = w.grains.id[i]
+        if id < links.slot.shape[0] and movable(w, i) > 0.0:
+            for q in range(links.start[id], links.start[id + 1]):
+                k = links.of[q] // 2
+                other = links.slots[k][1 - links.of[q] % 2]
+                share = 1.0
+                if other >= 0:
+                    share = 1.0 / (1.0 + movable(w, other))
+                energy -= share * links.gained[k]
+        book(w, s, i, energy)
 
 
 def ends_of(world: Any, whole: int) -> np.ndarray:

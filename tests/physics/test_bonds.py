@@ -143,6 +143,77 @@ def test_bonds_break_at_their_strength(name: str, tmp_path: Path) -> None:
     assert digest(again) == there
 
 
+ALL_SOLVERS = {**SOLVERS, "verlet": {"kind": "md", "integrator": "velocity_verlet"}, "rk4": {"kind": "md", "integrator": "rk4"}}
+BREAKING = {"soft": (1000.0, 50.0), "stiff": (1e5, 500.0), "weak": (2e4, 10.0)}
+"""Stiffness [weights/d] and strength [weights]: at the step of the contacts omega h is 0.03 to 0.2, at that of the bonds 0.9."""
+
+
+def parted(name: str, bond: tuple[float, float], fast: float, damping: float) -> tuple[float, bool, np.ndarray]:
+    """Two discs that fly apart `fast` times as fast as breaks their bond, and on along x: the kinetic energy that is gone then, over
+    S^2 / 2k, whether the bond holds, and the momentum gained over what there was.
+    """
+    stiffness, strength = bond
+    energy = 0.5 * (strength * M * G) ** 2 / (stiffness * M * G / D)
+    speed = fast * math.sqrt(2 * energy / (M / 2)) / 2
+    rows = [[0.4 + 0.55 * sign * D, 0.5, R, sign * speed + 1.0, 0.5] for sign in (-1, 1)]
+    values = {"stiffness": stiffness, "damping": damping, "strength": strength}
+    sim = simulate([{"positions": rows, "bonded": True}], (1.0, 1.0), ALL_SOLVERS[name], effects={"bonds": values})
+    start = sim.velocities
+    period = 2 * math.pi / math.sqrt(stiffness * 2 * G / D)
+    for _ in range(4):
+        sim.advance_steps(math.ceil(period / 4 / sim.step) + 2)
+    energies = [0.5 * M * (v**2).sum() for v in (start, sim.velocities)]
+    holds = len(ends_of(sim.world, 1)) == 1
+    return (energies[0] - energies[1]) / energy, holds, (sim.velocities - start).sum(0) / start.sum(0)
+
+
+@pytest.mark.parametrize("name", ALL_SOLVERS)
+def test_a_broken_bond_has_taken_its_energy(name: str) -> None:
+    """S^2 / 2k, with all of the pull up to the strength S, is gone from the motion of two discs, at the step they have by themselves, from
+    the slowest that breaks the bond to those that break it within a step; momentum stays. Slower ones do not break it.
+    """
+    for bond in BREAKING.values():
+        for fast in (1.03, 1.1, 1.5, 3.0, 10.0, 30.0):
+            taken, holds, gained = parted(name, bond, fast, 0.0)
+            assert not holds and taken == pytest.approx(1.0, rel=0.01), (bond, fast)
+            assert np.abs(gained).max() < 1e-12
+        assert parted(name, bond, 0.97, 0.0)[1]
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_its_dashpot_has_taken_what_it_takes_until_then(name: str) -> None:
+    """With a damping ratio of 0.1, beside the motion of two discs on a spring and a dashpot, integrated here in steps of 1e-4 / omega."""
+    for bond in BREAKING.values():
+        for fast in (1.5, 3.0, 10.0):
+            x, v, h = 0.0, fast, 1e-4
+            while x < 1:
+                v -= h * (x + 0.2 * v)
+                x += h * v
+            assert parted(name, bond, fast, 0.1)[0] == pytest.approx(fast**2 - v**2, rel=0.12), (bond, fast)
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_torn_bonds_leave_heat(name: str) -> None:
+    """Thirty bonded discs torn apart: motion, what bonds hold and heat add up; the heat is S^2 / 2k for each bond that broke."""
+    stiffness, strength = 2000.0, 5.0
+    values = {"stiffness": stiffness, "damping": 0.0, "strength": strength}
+    solver = {"kind": name, "restitution": 1.0, "precision": 64}
+    sim = simulate([HEXAGON], SIZE, solver, effects={"bonds": values, "heat": {}})
+    energy = 0.5 * (strength * M * G) ** 2 / (stiffness * M * G / D)
+    centre = sim.positions - sim.positions.mean(0)
+    twist = sim.world.grains.twist.to_numpy()
+    twist[: sim.count, :2] = 3.0 * centre[np.argsort(sim.world.grains.id.to_numpy()[: sim.count])]
+    sim.world.grains.twist.from_numpy(twist)
+    sim.renew()
+    start = 0.5 * M * (sim.velocities**2).sum()
+    sim.advance(0.05)
+    report = sim.report()
+    held = sim.world.links.held.to_numpy().sum()
+    assert 10 < report["bonds_broken"] <= 69
+    assert report["kinetic_energy_J"] + report["heat_J"] + held == pytest.approx(start, rel=1e-7)
+    assert report["heat_J"] == pytest.approx(report["bonds_broken"] * energy, rel=0.1)
+
+
 def test_bonds_in_the_window() -> None:
     """Switched off, on again after the grains have gone apart, and taken over by the other solver: no bond snaps, what broke is broken."""
     grains = [{"shape": "triangle", "positions": [[0.1, 0.1, R], [0.3, 0.1, R]], "bonded": True}]
