@@ -1,8 +1,9 @@
 """Heat: the energy that contacts take out of the motion warms the grains, and flows from grain to grain where they touch.
 
 Booked is all that the solver takes out at contacts, to the rounding of the numbers (world.ledger): restitution, friction, rolling
-resistance, torn bridges; and what bonds do: dashpots, and what a broken one held. Of molecular dynamics what springs hold is no heat (but for the spring of rolling resistance, until it gives it
-back). Walls and fixed grains take none. Two grains that touch even out their temperatures at the rate `conduction`: equal discs in a row
+resistance, torn bridges; and what bonds take: their dashpots, and all that a broken one held. Of molecular dynamics what springs hold is
+no heat (but for the spring of rolling resistance, until it gives it back).
+Walls and fixed grains take none. Two grains that touch even out their temperatures at the rate `conduction`: equal discs in a row
 at the distance d then conduct with the diffusivity conduction d²/2, in a hexagonal packing with 3/4 conduction d²,
 as long as `conduction` is well below 60/s, the rate at which it is computed.
 Temperatures are those above the one that all grains start with; nothing else in the simulation depends on them.
