@@ -90,7 +90,7 @@ def run(
         asked = _overrides(overrides, **{"solver.precision": precision})
         sim = _start(scene, asked, effect, arch, threads) if resume is None else _resume(resume, scene, asked, effect, arch, threads)
         if seconds is None:
-            seconds = max(0.0, sim.scene.duration - sim.time)
+            seconds = max(0.0, sim.scene.duration - sim.time - sim.owed)
         with progress_bar(sim.scene.title or "run") as progress:
             sim.advance(seconds, progress=progress)
         if save is not None:

@@ -1,7 +1,7 @@
 """The main loop: search, march, until the time asked for; and the state of a simulation, to read and to keep."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from os import PathLike
 from typing import Any
@@ -9,23 +9,23 @@ from typing import Any
 import numpy as np
 
 from taichi_sand import effects as effect_modules
-from taichi_sand import marching
+from taichi_sand import live, marching
 from taichi_sand.clock import Clock
 from taichi_sand.keeping import Keeping
 from taichi_sand.readings import Readings
 from taichi_sand.scene import loading
-from taichi_sand.scene.errors import SandError
+from taichi_sand.scene.errors import SandError, show
 from taichi_sand.scene.packing import pack
 from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers import choose
 from taichi_sand.solvers.bed import REST, Bed, bed_of, depth_of
 from taichi_sand.solvers.tolerance import follows_tolerance
+from taichi_sand.tuning import Tuning
 from taichi_sand.world import census, device, fields, sources
 from taichi_sand.world import hand as hands
 from taichi_sand.world.build import check_periodic, fill, make_world
 from taichi_sand.world.rest import wake
-from taichi_sand.world.wall_scene import change_walls, check_speeds, fastest_wall, set_patience
-from taichi_sand.world.water import pour
+from taichi_sand.world.wall_scene import check_speeds, fastest_wall, set_patience
 
 LEAST_ROOM = 1000
 """Room for grains that a user adds by hand."""
@@ -35,7 +35,11 @@ LOOK, GROWTH = 0.25, 1.2
 """Simulated time between two looks at the depth of the pile [s], and by how much it must have grown for stiffness and step to follow."""
 
 
-class Simulation(Keeping, Readings):
+MOST_STEPS = 2**31 - 1
+"""That a simulation counts."""
+
+
+class Simulation(Tuning, Keeping, Readings):
     """A scene in motion.
 
     Args:
@@ -58,17 +62,17 @@ class Simulation(Keeping, Readings):
             self.scene, self.arch, self.threads, self.room = scene, arch, threads, room
             self.first_walls = scene.walls  # those that tables have been made for
             device.start(self, arch, threads, scene.solver.precision)
-            self.effects = effect_modules.check(scene)
+            self.over = {}
+            effects = effect_modules.check(scene)
             grains = pack(scene)
             planned = sources.foreseen(scene, grains)
-            check_periodic(scene, planned, effect_modules.reach(self.effects), self.arch != "cpu")
+            check_periodic(scene, planned, effect_modules.reach(effects), self.arch != "cpu")
             if hand and not room:
                 self.room = max(LEAST_ROOM, len(grains) // 2)
             fields.lend(self, lambda: self._lay(planned, hand), keep=not device.on_gpu())
             fill(self.world, grains)
             self.made, self.removed = len(grains.radius), 0
-            self.steps = 0  # done
-            self.epoch = (0, 0.0)  # steps and time [s] when the step was last changed
+            self.steps, self.epoch, self.owed = 0, (0, 0.0), 0.0
             self._start_steps()
 
     def _lay(self, grains: Any, hand: bool) -> None:
@@ -109,6 +113,11 @@ class Simulation(Keeping, Readings):
         census.strained(self.world, 0.0, 0.0)
 
     @property
+    def effects(self) -> dict[str, dict[str, Any]]:
+        """Complete tables of the effects that are on, as the scene has them now."""
+        return effect_modules.check(self.scene)
+
+    @property
     def step(self) -> float:
         """Time step [s]."""
         return self.numbers["step"]
@@ -119,12 +128,26 @@ class Simulation(Keeping, Readings):
         return self.epoch[1] + (self.steps - self.epoch[0]) * self.step
 
     def advance(self, seconds: float, progress: Callable[[float], None] | None = None) -> None:
-        """Simulates until `seconds` later, to the nearest step; `progress` is called with the share done."""
-        start, end = self.time, self.time + seconds
-        while (left := round((end - self.time) / self.step)) > 0:  # the step may change on the way
+        """Simulates until `seconds` later, to the nearest step; what is left over, at most half a step, is kept for the next call: many
+        short strides end where a long one does. `progress` is called with the share done.
+
+        Raises:
+            SandError: `seconds` is no number of seconds, or makes more steps than a simulation can count.
+        """
+        seconds = stretch(seconds)
+        start, due = self.time, self.owed + seconds
+        while True:
+            rest = due - (self.time - start)
+            if self.steps + rest / self.step > MOST_STEPS:  # the step may change on the way
+                raise SandError(f"advance({seconds:g}): more than {MOST_STEPS} steps of {self.step:.3g} s cannot be counted")
+            left = round(rest / self.step)
+            if left <= 0:
+                break
             self.advance_steps(min(left, self._steps_to_look(), max(1, round(1 / (30 * self.step))) if progress else left))
             if progress:
-                progress(1.0 if end - self.time < 0.5 * self.step else (self.time - start) / seconds)
+                done = self.time - start
+                progress(1.0 if due - done < 0.5 * self.step else done / due)
+        self.owed = rest
 
     def advance_steps(self, count: int) -> None:
         """Simulates `count` steps, with the pauses in which effects act."""
@@ -173,7 +196,7 @@ class Simulation(Keeping, Readings):
             unit = math.sqrt(before.gravity * before.diameter)
             self.bed = self.bed.seen(*census.strained(self.world, self.scene.solver.tolerance * before.diameter, REST * unit))
         if replace(self.bed, late=before.late) != before:
-            self._adopt(self.scene, self.bed, {})
+            self._adopt(self.scene, self.bed, self.over)
 
     def _deeper(self, bed: Bed) -> Bed:
         """The bed as deep as it is now, if it has grown."""
@@ -194,17 +217,6 @@ class Simulation(Keeping, Readings):
         number = (self.steps - self.epoch[0]) // self._look_every()
         return not awake or number % max(1, math.floor((GROWTH - 1) * self.count / awake)) != 0
 
-    def wet(self, x: float, y: float, radius: float, amount: float) -> int:
-        """Adds `amount` (below 0: takes water away) to the wetness, 0 … 1, of the grains within `radius` of (x, y) [m], and wakes who
-        sleeps; returns how many grains these are. SandError without the effect `moisture`.
-        """
-        if not hasattr(self.world.carried, "wetness"):
-            raise SandError("nothing can be wetted: the scene has no table [effects.moisture]", "effects.moisture")
-        found = pour(self.world, x, y, radius, amount)
-        if self.world.sleeps:
-            self.renew()
-        return int(found)
-
     def renew(self) -> None:
         """Searches anew, after grains or walls have been changed by hand; what contacts that are gone carried is forgotten."""
         with self.clock.stage("march"):
@@ -213,47 +225,20 @@ class Simulation(Keeping, Readings):
             self._march(0)
             marching.renew(self.world, self.solver)
 
-    def set_walls(self, walls: Sequence[Any]) -> None:
-        """Goes on with these `[[walls]]`, a table each as in a scene file, in the place of those there are.
-
-        Raises:
-            SandError: a table is wrong, or there is no room for them (with `hand` there is room for many); then nothing has changed.
-        """
-        scene = self.scene.with_walls(walls)
-        change_walls(self.world, self.scene, scene)
-        self.scene = scene
-        self.renew()
-
-    def retune(self, scene: Scene, live: dict[str, float] | None = None) -> None:
-        """Goes on with the gravity and the numbers of the solver that `scene` asks for, and with these live parameters of effects.
-
-        Nothing is compiled: everything else in `scene` must be as it was.
-        """
-        self.world.box[None].gravity = scene.gravity
-        bed = self.bed
-        if scene.gravity != self.scene.gravity:
-            gravity = float(np.hypot(*scene.gravity))
-            drop = float(np.abs(scene.gravity) @ np.array(scene.size)) / max(gravity, 1e-12)
-            bed = replace(bed, gravity=gravity, drop=drop)
-        self._adopt(scene, bed, live or {})
-
-    def _adopt(self, scene: Scene, bed: Bed, live: dict[str, float]) -> None:
+    def _adopt(self, scene: Scene, bed: Bed, over: dict[str, float]) -> None:
+        """Goes on with this scene, of the same structure, and these numbers beyond its ranges: what the kernels read follows."""
         bed = replace(bed, **effect_modules.bed(effect_modules.check(scene), self.world))
         numbers = choose(scene.solver.kind).numbers(scene, bed)
         check_speeds(scene, numbers["speed_cap"])
         self.epoch = (self.steps, self.time)
-        self.scene, self.bed, self.numbers = scene, bed, numbers
-        self.set_numbers({**numbers, **live})
-        self.renew()
-
-    def set_numbers(self, values: dict[str, float]) -> None:
-        """Gives the solver and the effects these live numbers; the step and the speed cap are those of `numbers`."""
+        self.scene, self.bed, self.numbers, self.over = scene, bed, numbers, over
+        self.world.box[None].gravity = scene.gravity
         constants = self.solver.constants
-        known = constants.keys
-        for name, value in values.items():
-            if name in known:
+        for name, value in live.kernel_numbers(scene, over, numbers).items():
+            if name in constants.keys:
                 setattr(constants[None], name, value)
         self._set_pace()
+        self.renew()
 
     def _set_pace(self) -> None:
         for name in ("step", "speed_cap", "deep", "growth"):
@@ -263,3 +248,11 @@ class Simulation(Keeping, Readings):
 
     def _march(self, count: int) -> None:
         marching.march(self.world, self.solver, self.steps, self.steps + count)
+
+
+def stretch(seconds: Any) -> float:
+    """`seconds` as a number of seconds, 0 or more; SandError if it is something else."""
+    number = isinstance(seconds, int | float | np.integer | np.floating) and not isinstance(seconds, bool)
+    if not number or not 0 <= seconds < math.inf:
+        raise SandError(f"advance({show(seconds)}): must be a number of seconds, 0 or more")
+    return float(seconds)

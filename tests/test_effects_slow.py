@@ -59,7 +59,7 @@ def critical_bond(kind: str, height: float, seed: int) -> tuple[float, float]:
     while stands(sim, width):
         bond *= 0.93
         assert bond > 0.25 * height, "it never falls"
-        sim.retune(sim.scene, {"cohesion_bond": bond})
+        sim.set("effects.cohesion.bond", bond)
         sim.advance(0.4)
     return bond, top
 

@@ -114,7 +114,7 @@ def test_changes_by_hand_wake(kind: str) -> None:
     assert sleeps()
     sim.retune(sim.scene.model_copy(update={"gravity": (0.5, -G)}))
     assert asleep(sim) == 0 and sleeps()
-    sim.retune(sim.scene, {"friction_mu": 0.4})
+    sim.set("effects.friction.mu", 0.4)
     assert asleep(sim) == 0 and sleeps()
     top = int(np.argmax(sim.positions[:, 1]))
     _, whole = census.places(sim.world)

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taichi_sand.files import writing
+from taichi_sand.host import Host
 from taichi_sand.play.snapshot import Rows, Snapshot, to_bytes
-from taichi_sand.scene.schema import Scene
-from taichi_sand.solvers.bed import Bed
 from taichi_sand.view.film import mp4, save_png
 from taichi_sand.world import checkpoint
 
@@ -35,17 +34,14 @@ def free_name(folder: Path, name: str, ending: str) -> Path:
 
 def save(session: "Session", path: Path) -> None:
     """A checkpoint of a session, which `run --resume` takes too."""
-    session.sim.save(path, over=session.over)
+    session.sim.save(path)
 
 
 def read(path: Path) -> str:
     """A checkpoint as ["load", …] takes it; SandError if it is none."""
     about, arrays = checkpoint.load(path)
-    host = {name: about[name] for name in ("made", "removed", "numbers")}
-    host |= {"scene": Scene.from_json(about["scene"]), "bed": Bed(**about["bed"]), "epoch": tuple(about["epoch"])}
-    host["steps"] = int(arrays[".0.pace:done"])
     fields = {name: Rows(array.shape, [(0, len(array))] if array.ndim else [], array) for name, array in arrays.items()}
-    return base64.b64encode(to_bytes(Snapshot(host, fields, {"over": about["over"]}))).decode()
+    return base64.b64encode(to_bytes(Snapshot(Host.from_json(about["host"]), fields))).decode()
 
 
 def save_picture(window: "Window") -> Path:

@@ -84,7 +84,7 @@ def badge(sheet: Sheet, text: str, middle: float, y: float, colour: str, ink: st
 def notices(session: "Session", width: int, height: int, told: str) -> Sheet:
     """What must be seen: unphysical values at the top, the last message at the bottom."""
     sheet = Sheet()
-    if session.over:
+    if session.sim.over:
         badge(sheet, f"UNPHYSICAL: {', '.join(session.unphysical())}", width / 2, 10, WRONG, "#FFFFFF")
     for number, line in enumerate(reversed(wrap(told, width - 40) if told else [])):
         badge(sheet, line, width / 2, height - 40 - 28 * number, IDLE)

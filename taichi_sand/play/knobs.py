@@ -5,9 +5,8 @@ Every range, unit and line of help comes from where the number is declared: the 
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
-from taichi_sand import effects
+from taichi_sand import effects, live
 from taichi_sand.scene.schema import Scene, Solver
 
 GRAVITY = 20.0
@@ -74,7 +73,8 @@ def knobs_of(scene: Scene, home: Scene) -> list[Knob]:
     found.append(Knob("time", "time scale", "world", "x", "simulated time to wall time", 0.05, 4.0, log=True))
     for name in scene.effects:
         found += _of_effect(name)
-    return found
+    known = {"time", *live.keys(scene)}
+    return [knob for knob in found if knob.key in known]
 
 
 def _of_solver(name: str, group: str, value: float | None = None, log: bool = False) -> Knob:
@@ -100,49 +100,3 @@ def _of_effect(name: str) -> list[Knob]:
         wide = (-min(UNDER, high), high) if low == 0 else None
         found.append(Knob(f"effects.{name}.{p.name}", f"{name} {p.name}", name, p.unit, p.help, low, high, wide=wide))
     return found
-
-
-def read(scene: Scene, key: str) -> float:
-    """The value that `scene` has for a knob's key."""
-    head, _, rest = key.partition(".")
-    if head == "gravity":
-        return scene.gravity[int(rest)]
-    if head == "solver":
-        return getattr(scene.solver, rest)
-    name, _, parameter = rest.partition(".")
-    default = next(p.default for p in effects.module(name).PARAMETERS if p.name == parameter)
-    return scene.effects[name].get(parameter, default)
-
-
-def written(scene: Scene, key: str, value: float) -> Scene:
-    """`scene` with another value for a knob's key, which must be one that the scene may have."""
-    head, _, rest = key.partition(".")
-    if head == "gravity":
-        gravity = [*scene.gravity]
-        gravity[int(rest)] = value
-        return scene.model_copy(update={"gravity": tuple(gravity)})
-    if head == "solver":
-        return scene.model_copy(update={"solver": scene.solver.model_copy(update={rest: value})})
-    name, _, parameter = rest.partition(".")
-    return scene.model_copy(update={"effects": {**scene.effects, name: {**scene.effects[name], parameter: value}}})
-
-
-def overrides(scene: Scene, over: dict[str, float], numbers: dict[str, float]) -> dict[str, float]:
-    """Numbers of the kernels for values beyond the declared ranges, `over`, which no scene may have; `numbers` are those without."""
-    live = effects.live(effects.check(scene))
-    for key, value in over.items():
-        head, _, rest = key.partition(".")
-        if head == "effects":
-            live[rest.replace(".", "_")] = value
-        elif key == "solver.restitution":
-            live |= _bouncy(scene, value, numbers)
-    return live
-
-
-def _bouncy(scene: Scene, restitution: float, numbers: dict[str, float]) -> dict[str, float]:
-    """A restitution above 1: an impact gives energy. For md a dashpot that pushes: of a linear one e = exp(-π ζ / sqrt(1 - ζ²))."""
-    if "restitution" in numbers:
-        return {"restitution": restitution}
-    zeta = -math.log(restitution) / math.hypot(math.pi, math.log(restitution))
-    k_r: Any = numbers["stiffness"]
-    return {"damping": 2 * zeta * math.sqrt(k_r)}

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from taichi_sand import live
 from taichi_sand.play import knobs, transfer
 from taichi_sand.play.brush import Brush
 from taichi_sand.play.history import History
@@ -48,7 +49,6 @@ class Session:
         self.home = scene
         self.message = ""
         self.opened = False  # sliders reach unphysical values
-        self.over: dict[str, float] = {}  # values beyond the declared ranges
         self.speed = 1.0
         self.look = {**LOOKS, "color": scene.view.color, "chains": scene.view.force_chains, "cold": scene.view.cold, "hot": scene.view.hot}
         self.history = History()
@@ -94,14 +94,13 @@ class Session:
     def moment(self) -> Snapshot:
         """All of it at this moment."""
         moment = take(self.sim, self.history.last())
-        moment.session = {"over": dict(self.over), "rng": self.rng.bit_generator.state}
+        moment.session = {"rng": self.rng.bit_generator.state}
         return moment
 
     def go_to(self, moment: Snapshot) -> None:
         """Goes to a moment, bit for bit."""
-        self._take(self._ready(moment.host["scene"]))
+        self._take(self._ready(moment.host.scene))
         restore(self.sim, moment)
-        self.over = dict(moment.session.get("over", {}))
         if "rng" in moment.session:
             self.rng.bit_generator.state = moment.session["rng"]
         self.stroke = None
@@ -120,7 +119,7 @@ class Session:
 
     def _ready(self, scene: Scene) -> Simulation:
         """A simulation of the structure that `scene` wants; its state is still to be set, unless it is new."""
-        key = transfer.structure(scene)
+        key = live.structure(scene)
         if key not in self.built:
             if len(self.built) >= MOST_BUILT:
                 self.drop()
@@ -130,7 +129,7 @@ class Session:
 
     def become(self, scene: Scene) -> None:
         """Goes on with another solver or other effects, on the grains as they are."""
-        if len(self.built) >= MOST_BUILT and transfer.structure(scene) not in self.built:
+        if len(self.built) >= MOST_BUILT and live.structure(scene) not in self.built:
             now = self.moment()
             self.drop()
             self.go_to(now)
@@ -138,20 +137,16 @@ class Session:
             self.sim.renew()  # wakes everybody
         now, new = self.moment(), self._ready(scene)
         if new is not self.sim:
-            transfer.hand_over(self.sim, new, now)
+            transfer.hand_over(self.sim, new, now, scene)
             self._take(new)
-        self.retune(scene)
+        else:
+            self.sim.retune(scene)
 
     def _take(self, sim: Simulation) -> None:
         """Goes on with `sim`; colours that it has not are shown no more."""
         self.sim = sim
         if self.look["color"] not in views_of(sim.world):
             self.look["color"] = KIND
-
-    def retune(self, scene: Scene) -> None:
-        """Takes over the numbers of `scene`, and the unphysical ones."""
-        self.sim.retune(scene)
-        self.sim.set_numbers(knobs.overrides(scene, self.over, self.sim.numbers))
 
     # values
 
@@ -161,15 +156,15 @@ class Session:
             return self.speed
         if key.startswith("tool."):
             return getattr(self.brush, key[5:])
-        return self.over.get(key, knobs.read(self.sim.scene, key))
+        return self.sim.get(key)
 
     def unphysical(self) -> list[str]:
         """What lies beyond its declared range, in words."""
-        return [f"{key.split('.', 1)[1]} = {value:g}" for key, value in self.over.items()]
+        return [f"{key.split('.', 1)[1]} = {value:g}" for key, value in self.sim.over.items()]
 
     def knobs(self) -> list[knobs.Knob]:
         """Everything with a slider."""
-        key = (transfer.structure(self.sim.scene), id(self.sim))
+        key = (live.structure(self.sim.scene), id(self.sim))
         if self._knobs[0] != key:
             self._knobs = key, knobs.knobs_of(self.sim.scene, self.home) + self.brush.knobs(self.sim)
         return self._knobs[1]
@@ -186,11 +181,7 @@ def _set(session: Session, key: str, value: float) -> None:
     elif key.startswith("tool."):
         setattr(session.brush, key[5:], value)
     else:
-        session.over.pop(key, None)
-        if not knob.physical(value):
-            session.over[key] = value
-        scene = knobs.written(session.sim.scene, key, min(knob.high, max(knob.low, value)))
-        session.retune(scene)
+        session.sim.set(key, value, unphysical=session.opened)
 
 
 def _mark(session: Session) -> None:
@@ -234,7 +225,6 @@ def _effect(session: Session, name: str, on: bool) -> None:
     new = scene.model_copy(update={"effects": tables})
     effects.check(new)
     _mark(session)
-    session.over = {key: value for key, value in session.over.items() if not key.startswith(f"effects.{name}.")}
     session.become(new)
 
 
@@ -244,10 +234,10 @@ def _look(session: Session, key: str, value: Any) -> None:
 
 def _open_ranges(session: Session, on: bool) -> None:
     session.opened = on
-    if not on and session.over:
+    if not on and session.sim.over:
         _mark(session)
-        session.over = {}
-        session.retune(session.sim.scene)
+        for key in list(session.sim.over):
+            session.sim.set(key, live.read(session.sim.scene, key))
 
 
 def _choose(session: Session, tool: str) -> None:

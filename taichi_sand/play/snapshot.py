@@ -3,19 +3,15 @@
 import io
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from taichi_sand.host import Host
 from taichi_sand.scene.errors import SandError
-from taichi_sand.scene.schema import Scene
 from taichi_sand.simulation import Simulation
-from taichi_sand.solvers.bed import Bed
 from taichi_sand.world.checkpoint import read_field
-
-HOST = ("steps", "made", "removed", "epoch", "numbers", "bed", "scene")
-"""What a simulation keeps on the host that changes while it runs."""
 
 Spans = list[tuple[int, int]]
 
@@ -43,7 +39,7 @@ class Rows:
 class Snapshot:
     """All that the simulation goes on from, without the rows of its tables that hold nothing."""
 
-    host: dict[str, Any]
+    host: Host
     fields: dict[str, Rows]
     session: dict[str, Any] = field(default_factory=dict)  # what the session keeps with it; must be JSON
 
@@ -66,7 +62,7 @@ def take(sim: Simulation, before: Snapshot | None = None) -> Snapshot:
             old = before.fields.get(name + part) if before else None
             same = old is not None and old.shape == new.shape and old.spans == spans and np.array_equal(old.rows, kept)
             fields[name + part] = old if same else new
-    return Snapshot({name: getattr(sim, name) for name in HOST}, fields)
+    return Snapshot(Host.of(sim), fields)
 
 
 def restore(sim: Simulation, snapshot: Snapshot) -> None:
@@ -77,8 +73,7 @@ def restore(sim: Simulation, snapshot: Snapshot) -> None:
             raise SandError(f"this state holds no {name} that fits the simulation; it comes from another scene or version")
         wholes = {part: rows.whole() for part, rows in stored.items()}
         table.from_numpy(wholes[""] if "" in wholes else {part[1:]: array for part, array in wholes.items()})
-    for name, value in snapshot.host.items():
-        setattr(sim, name, value)
+    snapshot.host.give(sim)
 
 
 def shape_of(table: Any, part: str) -> tuple[int, ...]:
@@ -119,9 +114,8 @@ def used_rows(sim: Simulation) -> Callable[[str, np.ndarray], Spans]:
 
 def to_bytes(snapshot: Snapshot) -> bytes:
     """The snapshot as the bytes of an .npz file."""
-    host = {**snapshot.host, "scene": snapshot.host["scene"].to_json(), "bed": asdict(snapshot.host["bed"])}
     shapes = {name: [rows.shape, rows.spans] for name, rows in snapshot.fields.items()}
-    head = json.dumps({"host": host, "session": snapshot.session, "shapes": shapes}).encode()
+    head = json.dumps({"host": snapshot.host.to_json(), "session": snapshot.session, "shapes": shapes}).encode()
     file = io.BytesIO()
     arrays = {name: rows.rows for name, rows in snapshot.fields.items()}
     np.savez_compressed(file, head=np.frombuffer(head, np.uint8), **arrays)
@@ -133,7 +127,5 @@ def from_bytes(data: bytes) -> Snapshot:
     with np.load(io.BytesIO(data), allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}
     head = json.loads(arrays.pop("head").tobytes().decode())
-    host = head["host"]
-    host |= {"scene": Scene.from_json(host["scene"]), "bed": Bed(**host["bed"]), "epoch": tuple(host["epoch"])}
     spans = {name: (tuple(shape), [tuple(span) for span in spans]) for name, (shape, spans) in head["shapes"].items()}
-    return Snapshot(host, {name: Rows(*spans[name], rows) for name, rows in arrays.items()}, head["session"])
+    return Snapshot(Host.from_json(head["host"]), {name: Rows(*spans[name], rows) for name, rows in arrays.items()}, head["session"])

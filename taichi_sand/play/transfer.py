@@ -1,10 +1,10 @@
 """From one structure to another: the same grains under another solver, or with other effects."""
 
-import json
+from dataclasses import replace
 
 import numpy as np
 
-from taichi_sand import effects
+from taichi_sand import effects, live
 from taichi_sand.play.snapshot import Snapshot, tables_of
 from taichi_sand.scene.checks import foreign
 from taichi_sand.scene.schema import Scene
@@ -24,15 +24,6 @@ ROWS = ("pairs", "blocks")
 """And these, where both structures list pairs in tables of the same sizes."""
 
 
-def structure(scene: Scene) -> str:
-    """What of a scene is compiled into its kernels, as a key."""
-    solver = scene.solver
-    fixed = {
-        name: {p.name: table[p.name] for p in effects.module(name).PARAMETERS if not p.live} for name, table in effects.check(scene).items()
-    }
-    return json.dumps([solver.kind, solver.law, solver.integrator, solver.k_d is None, solver.precision, fixed])
-
-
 def with_solver(scene: Scene, kind: str, home: Scene) -> Scene:
     """`scene` for the other solver: with the expert keys of `home` if it is the one that it was written for, else without any."""
     expert = {name: getattr(home.solver, name) for name in home.solver.model_fields_set} if home.solver.kind == kind else {}
@@ -50,8 +41,9 @@ def columns_of(sim: Simulation) -> list[str]:
     return names
 
 
-def hand_over(old: Simulation, new: Simulation, moment: Snapshot) -> None:
-    """Gives `new` the grains, walls and pairs of `old`, whose moment this is; pairs keep their force, and what both solvers know.
+def hand_over(old: Simulation, new: Simulation, moment: Snapshot, scene: Scene) -> None:
+    """Gives `new` the grains, walls and pairs of `old`, whose moment this is; pairs keep their force, and what both solvers know. It goes
+    on with the numbers of `scene`, which is of its structure.
 
     Nobody may sleep in `old`: sleepers have laid by what moves them.
     """
@@ -79,8 +71,8 @@ def hand_over(old: Simulation, new: Simulation, moment: Snapshot) -> None:
     pace = read_field(old.world.pace)
     new.world.pace.from_numpy({key[1:]: value for key, value in pace.items()})
     new.world.grains.wrench.fill(0.0)
-    for key in ("steps", "made", "removed", "epoch", "bed", "numbers"):
-        setattr(new, key, moment.host[key])
+    replace(moment.host, scene=scene, over=live.kept(moment.host.over, old.scene, scene)).give(new)
+    new.retune(scene)
 
 
 def let_go(world: World) -> None:

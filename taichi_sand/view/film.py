@@ -100,10 +100,9 @@ def frame_rate(sim: "Simulation", ending: str, fps: int | None) -> int:
 
 def steps_of(sim: "Simulation", seconds: float, fps: int) -> Iterator[float]:
     """Advances from frame to frame; yields the share of the film that is done."""
-    start, frames = sim.time, max(1, round(seconds * fps))
+    frames = max(1, round(seconds * fps))
     for frame in range(1, frames + 1):
-        end = start + (seconds if frame == frames else frame / fps)
-        sim.advance(max(0.0, end - sim.time))
+        sim.advance(seconds - (frames - 1) / fps if frame == frames else 1 / fps)
         yield frame / frames
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from taichi_sand.files import writing
 from taichi_sand.scene.errors import SandError
 
-FORMAT = 6
+FORMAT = 7
 
 
 UNREADABLE = (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, NotImplementedError, RuntimeError, MemoryError)
