@@ -27,6 +27,7 @@ GROUPS = {
         "grains": ("grains", ""),
         "grains_lost": ("left through open edges", ""),
         "grains_made": ("made", ""),
+        "grains_waiting": ("waiting for room", ""),
         "grains_removed": ("taken out", ""),
         "bonds": ("bonds that hold", ""),
         "bonds_broken": ("bonds broken", ""),

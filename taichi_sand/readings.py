@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from taichi_sand.clock import Clock
+from taichi_sand.world import sources
 from taichi_sand.world.build import read_grains
 from taichi_sand.world.flags import sentences
 from taichi_sand.world.tables import World
@@ -13,6 +14,8 @@ from taichi_sand.world.tables import World
 class Readings:
     """The readable side of `Simulation`."""
 
+    scene: Any
+    steps: int
     world: World
     numbers: dict[str, float]
     made: int
@@ -71,7 +74,13 @@ class Readings:
 
     def flags(self) -> list[str]:
         """What went wrong so far, a sentence each; empty when all is well."""
-        return sentences(self.world.flags, self._time_of, self.numbers["speed_cap"])
+        found = sentences(self.world.flags, self._time_of, self.numbers["speed_cap"])
+        return found + sources.late(self.scene, self.world, self.poured)
+
+    @property
+    def poured(self) -> float:
+        """When the sources last made what was due [s]."""
+        return self._time_of(self.steps - self.steps % sources.steps_between(self.step))
 
     def _time_of(self, steps: int) -> float:
         """When so many steps had been done [s]; before the step last changed, as if it had always been the same."""

@@ -157,7 +157,7 @@ class Simulation(Tuning, Keeping, Readings):
         end = self.steps + count
         pauses = [(effect.between, max(1, math.floor(effect.interval / self.step))) for effect in self.pausing]
         if self.scene.sources:
-            pauses.append((self._pour, max(1, math.floor(sources.INTERVAL / self.step))))
+            pauses.append((self._pour, sources.steps_between(self.step)))
         while self.steps < end:
             part = min([end - self.steps, self._steps_to_look()] + [every - self.steps % every for _, every in pauses])
             with self.clock.stage("march"):

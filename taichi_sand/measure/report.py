@@ -24,7 +24,9 @@ between smooth sides gives its weight.
 `wall_force_N`: sum over all wall contacts of the size of their force.
 `mass_kg`: of the grains that can move.
 `grains_made`: with sources or sinks: grains there have been in all, those of the start included.
+`grains_waiting`: with sources: grains that were due when these were last looked at, and have found no room yet; flagged when more than a tenth.
 `grains_asleep`: with the effect `sleeping`: grains that are not computed at present.
+`wall_time_s`, and what is made of it: since the simulation was made or resumed, without compiling.
 `stages_s`: wall time by stage [s]: march (lists and steps), effects, look (depth of the pile), measure.
 `flags`: what had to be bounded or went wrong, a sentence each; empty when all is well.
 `solver`, `effects`, `arch`, `threads` and `precision`: what it ran with; `threads` is null for all there are.
@@ -38,6 +40,7 @@ import taichi as ti
 
 from taichi_sand.measure import observe
 from taichi_sand.world.links import ends_of
+from taichi_sand.world.sources import waiting
 
 CELLS_ACROSS = 8
 """A bed of n grains gets cells of about sqrt(n) / CELLS_ACROSS diameters, between SMALLEST and LARGEST."""
@@ -189,6 +192,7 @@ def report(sim: Any) -> dict[str, Any]:
         "grains": sim.count,
         "grains_lost": int(sim.lost),
         **({"grains_made": int(sim.made), "grains_removed": int(sim.taken)} if sim.world.flows else {}),
+        **({"grains_waiting": sum(waiting(sim.scene, sim.world, sim.poured))} if sim.scene.sources else {}),
         **({"grains_asleep": int(sim.world.naps.state[None].asleep)} if sim.world.sleeps else {}),
         **({"bonds": len(ends_of(sim.world, 1)), "bonds_broken": len(ends_of(sim.world, 0))} if sim.world.linked else {}),
         "tolerance": float(sim.scene.solver.tolerance),

@@ -193,7 +193,7 @@ def _flow(table: "Scene", names: list[str]) -> None:
         if item.shape not in names:
             raise Wrong(f"{name}.shape", f" = {show(item.shape)} must be one of {', '.join(names)}{suggest(item.shape, names)}")
         widest = 2 * table.form(item.shape).reach * item.radius[1]
-        if min(item.region[2] - item.region[0], item.region[3] - item.region[1]) < widest:
+        if min(item.region[2] - item.region[0], item.region[3] - item.region[1]) < widest * (1 - 1e-9):  # as decimals are rounded
             raise Wrong(f"{name}.region", f" = {show(item.region)} is narrower than its largest grain, {widest:g} m")
 
 
