@@ -24,7 +24,7 @@ between smooth sides gives its weight.
 `wall_force_N`: sum over all wall contacts of the size of their force.
 `mass_kg`: of the grains that can move.
 `grains_made`: with sources or sinks: grains there have been in all, those of the start included.
-`grains_waiting`: with sources: grains that were due when these were last looked at, and have found no room yet; flagged when more than a tenth.
+`grains_waiting`: with sources: grains that were due when these last looked, and have found no room yet; flagged when more than a tenth.
 `grains_asleep`: with the effect `sleeping`: grains that are not computed at present.
 `wall_time_s`, and what is made of it: since the simulation was made or resumed, without compiling.
 `stages_s`: wall time by stage [s]: march (lists and steps), effects, look (depth of the pile), measure.

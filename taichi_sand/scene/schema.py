@@ -140,7 +140,7 @@ class Wall(Table):
 
 
 class Source(Table):
-    """Makes grains while the simulation runs, in random places of its region where they overlap nothing; each waits for the one before it."""
+    """Makes grains while the simulation runs, in random free places of its region; each waits for the one before it."""
 
     shape: str = key("disc", "disc, 2x1, 3x1, triangle, square, or the name of one of [[shapes]]")
     radius: Range = key(..., "radius of a disc, of which a shape has several: a number, or [low, high] to draw from uniformly", "m")

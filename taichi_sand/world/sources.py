@@ -80,8 +80,8 @@ def late(scene: Any, world: World, time: float) -> list[str]:
         asked = due(scene.sources[index], time)
         if number > max(LATE * asked, FEWEST_LATE):
             found.append(
-                f"sources[{index}] has made {asked - number} of the {asked} grains that were due: {number} wait for room in its region, as each "
-                "comes after the one before it. A larger region, a lower rate, or a velocity that carries them off helps."
+                f"sources[{index}] has made {asked - number} of the {asked} grains that were due: {number} wait for room in its region, "
+                "as each comes after the one before it. A larger region, a lower rate, or a velocity that carries them off helps."
             )
     return found
 
