@@ -24,6 +24,10 @@ INTERVAL = 1 / 60
 LATE, FEWEST_LATE = 0.1, 2
 """A source is late when more than this share of what was due, and more than so many grains, still wait."""
 GOLDEN = (math.sqrt(5) - 1) / 2
+DIGITS = 10
+"""Two to that is the most grains in a row that are spread evenly; the means of so many are the same to five digits."""
+CHUNK = 256
+"""Grains whose sizes are drawn at once."""
 
 
 def room_for(scene: Any) -> int:
@@ -86,15 +90,40 @@ def late(scene: Any, world: World, time: float) -> list[str]:
     return found
 
 
+def evenly(numbers: np.ndarray, seed: int) -> np.ndarray:
+    """The members `numbers` (n,) of a sequence from 0 … 1 that is random but fills it evenly: of its first n, any half or quarter has its
+    share to about one, and their mean is off by less than one over n.
+
+    Of every two in a row one is in the lower half, of every four one in each quarter, and so on: van der Corput's sequence of base 2 with
+    digits that are flipped at random, as Owen (1995) does, but anew for each such two, four, …, so that they come in no order.
+    """
+    digits = np.zeros(len(numbers), np.int64)  # so far, as a whole number
+    for level in range(DIGITS):
+        block = numbers >> (level + 1)
+        flips = mixed(((block << level) + digits).astype(np.uint64) + np.uint64(level << 58), seed) & np.uint64(1)
+        digits = 2 * digits + ((numbers >> level & 1) ^ flips.astype(np.int64))
+    rest = (mixed(numbers.astype(np.uint64) + np.uint64(DIGITS << 58), seed) >> np.uint64(11)) * 0.5**53
+    return (digits + rest) * 0.5**DIGITS
+
+
+def mixed(x: np.ndarray, seed: int) -> np.ndarray:
+    """64 random bits that belong to those of `x`, uint64, and a seed (Steele, Lea & Flood 2014: splitmix64, twice)."""
+    for start in (np.uint64(seed), np.uint64(0)):
+        x = x + start + np.uint64(0x9E3779B97F4A7C15)
+        x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        x = x ^ (x >> np.uint64(31))
+    return x
+
+
 def draw(scene: Any, index: int, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Radii of discs [m] and angles of the grains `first`, first + 1, … (count,) of source `index`: always the same, whoever asks when.
 
-    They are spread evenly, by the golden ratio and the root of two from a random start: of any so many in a row, mean and quartiles are
-    those of the distribution to about one grain.
+    The radii follow one another `evenly`, the angles by the golden ratio.
     """
-    source = scene.sources[index]
-    start = np.random.default_rng([scene.seed, index]).uniform(0, 1, 2)
-    size, turn = (start[:, None] + np.array([GOLDEN, math.sqrt(2)])[:, None] * np.arange(first, first + count)) % 1.0
+    source, numbers = scene.sources[index], np.arange(first, first + count)
+    rng = np.random.default_rng([scene.seed, index])
+    size, turn = evenly(numbers, int(rng.integers(2**62))), (rng.uniform() + GOLDEN * numbers) % 1.0
     low, high = source.radius
     angle = np.pi * (2 * turn - 1) if source.angle == "random" else np.full(count, float(source.angle))
     return low + (high - low) * size, angle
@@ -113,16 +142,12 @@ def pour(scene: Any, world: World, first_id: int, time: float) -> int:
         if room <= 0:
             raise_flag(world, SOURCE_FULL, index)
             continue
-        made = int(world.flow.made[index])
-        radius, angle = draw(scene, index, made, min(number, room))
-        reach = scene.form(scene.sources[index].shape).reach * radius
-        position = settle(scene, world, index, reach, *there)
-        if len(position):
-            found = len(position)
-            census.add(world, grains_of(scene, index, position, radius[:found], angle[:found]), first_id + count)
+        grains = settle(scene, world, index, min(number, room), *there)
+        if found := len(grains["radius"]):
+            census.add(world, grains, first_id + count)
             count += found
-            world.flow.made[index] = made + found
-            there = np.concatenate([there[0], position]), np.concatenate([there[1], reach[:found]])
+            world.flow.made[index] += found
+            there = np.concatenate([there[0], grains["position"]]), np.concatenate([there[1], grains["radius"]])
     return count
 
 
@@ -142,18 +167,26 @@ def images(world: World) -> list[np.ndarray]:
     return [np.array([x, y]) for x in steps[0] for y in steps[1] if x or y]
 
 
-def settle(scene: Any, world: World, index: int, reach: np.ndarray, position: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    """Places (n, 2) for as many of the grains of these radii `reach` of source `index` as find room one after the other [m]."""
+def settle(scene: Any, world: World, index: int, most: int, position: np.ndarray, radius: np.ndarray) -> dict[str, np.ndarray]:
+    """As many of the next `most` grains of source `index` as find room one after the other among those at `position` (n, 2), of `radius`
+    (n,) [m], as census.add takes them.
+    """
     rng = np.random.default_rng([scene.seed, index, world.pace[None].done])  # a resumed run draws the same
     corners = standing_walls(world, scene)
     walls = segments([line + shift for line in corners for shift in (np.zeros(2), *images(world))])
-    source = scene.sources[index]
-    room = Room(source.region, scene.form(source.shape).reach * source.radius[1], walls, position, radius, rng)
-    found: list[np.ndarray] = []
-    for size in reach:
-        place = room.find(size)
+    source, made = scene.sources[index], int(world.flow.made[index])
+    reach = scene.form(source.shape).reach
+    room = Room(source.region, reach * source.radius[1], walls, position, radius, rng)
+    places, sizes, angles = [], [], []
+    for k in range(most):
+        if k % CHUNK == 0:
+            drawn = draw(scene, index, made + k, min(CHUNK, most - k))
+        size, angle = drawn[0][k % CHUNK], drawn[1][k % CHUNK]
+        place = room.find(reach * size)
         if place is None:
             break
-        room.add(place, size)
-        found.append(place)
-    return np.array(found).reshape(-1, 2)
+        room.add(place, reach * size)
+        places.append(place)
+        sizes.append(size)
+        angles.append(angle)
+    return grains_of(scene, index, np.array(places).reshape(-1, 2), np.array(sizes), np.array(angles))
