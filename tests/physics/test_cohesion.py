@@ -63,6 +63,25 @@ def test_capture_speed(name: str) -> None:
         del sim
 
 
+def chain_holds(name: str, count: int) -> bool:
+    """Whether a chain of `count` discs on bridges of 10 weights holds on a fixed one, loaded slowly: gravity grows from 0 in 2 s."""
+    discs = [Disc(0.1, 0.48 - k * D * (1 - 1e-4), fixed=k == 0) for k in range(count + 1)]
+    solver = {"md": {"kind": "md"}, "rigid": {"kind": "rigid", "tolerance": 0.01}}[name]
+    sim = simulate(discs, (0.2, 0.5), solver, gravity=(0, -G), effects={"cohesion": {"bond": 10.0, "rupture": RUPTURE}})
+    for k in range(101):
+        sim.world.box[None].gravity = (0.0, -G * k / 100)
+        sim.advance(0.02)
+    sim.advance(0.5)
+    gaps = -np.diff(np.sort(sim.positions[:, 1])[::-1]) / D - 1
+    return bool(gaps.max() < RUPTURE)
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_a_chain_loaded_slowly_holds_its_bond_number(name: str) -> None:
+    """The uppermost bridge bears all discs below: it holds 9 weights with a bond of 10, not 11."""
+    assert chain_holds(name, 9) and not chain_holds(name, 11)
+
+
 def test_a_wet_heap_comes_to_rest() -> None:
     """Rigid discs of sizes +-20 %, Bo = 20, pull against one another everywhere: they rest as dry ones do, and do not shake."""
     grains = {"radius": [0.4 * D, 0.6 * D], "fill": "hexagonal", "region": [20 * D, 0.0, 40 * D, 12 * D]}
