@@ -100,6 +100,8 @@ def run(
             print(jsons.as_text(report))
         else:
             printing.print_report(sim.scene.title, report)
+        for sentence in report["warnings"]:
+            print(f"warning: {sentence}", file=sys.stderr)
         if report["flags"]:
             raise PhysicsError("; ".join(report["flags"]))
 

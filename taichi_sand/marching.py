@@ -49,18 +49,25 @@ def watch(w: ti.template(), s: ti.template()):
         effect.watch(w, s)
 
 
+@ti.func
+def going_on(w: ti.template(), end):
+    """Whether there is a step to be made before step `end`."""
+    return w.pace[None].done < end and w.pace[None].hasty == 0
+
+
 @ti.kernel
 def steps_in_one(w: ti.template(), s: ti.template(), steps: ti.i32) -> ti.i32:
-    """`steps` steps with all searches they need, in one launch, on one thread (layout "one"); leaves the pairs of the moment.
+    """`steps` steps with all searches they need, in one launch, on one thread (layout "one"); leaves the pairs of the moment. Fewer where
+    a grain gets too fast for their length (world.motion.guarded).
 
     Returns 1 if it stopped early, as somebody is to fall asleep.
     """
     ti.loop_config(serialize=True)
     for _run in range(1):
         end = w.pace[None].done + steps
-        while not drowsy(w) and (called(w) or w.pace[None].spent == 1 or w.pace[None].done < end):
+        while not drowsy(w) and (called(w) or w.pace[None].spent == 1 or going_on(w, end)):
             make_ready(w, s)
-            if w.pace[None].done < end and not called(w):
+            if going_on(w, end) and not called(w):
                 s.step(w, s, True)
                 close_step(w)
                 if ti.static(len(watchers(s)) > 0):
@@ -108,7 +115,7 @@ def renew(world: Any, solver: Any) -> None:
 
 
 def march(world: Any, solver: Any, done: int, end: int) -> None:
-    """From step `done` to step `end`; leaves the pairs of the moment."""
+    """From step `done` to step `end`, or until a grain gets too fast for such steps; leaves the pairs of the moment."""
     if world.layout == "one":
         while steps_in_one(world, solver, end - done):
             rearrange(world, solver)
@@ -118,7 +125,7 @@ def march(world: Any, solver: Any, done: int, end: int) -> None:
     every, looked = world.pace[None].watch, done
     calms, impacts = may_be_calm(world, solver), world.pace.get_member_field("impacts")
     while True:
-        spent, done = progress(world)
+        spent, done, hasty = progress(world)
         if every and done % every == 0 and done != looked:
             watch_alone(world, solver)
             looked = done
@@ -128,7 +135,7 @@ def march(world: Any, solver: Any, done: int, end: int) -> None:
             rearrange(world, solver)
             renew(world, solver)
             continue
-        if done == end:
+        if done == end or hasty:
             break
         for _ in range(min(BATCH, end - done, every - done % every if every else BATCH)):
             step_alone(world, solver, not calms or bool(impacts[None]))

@@ -13,6 +13,7 @@ GROUPS = {
         "overlap_mean": ("overlap, mean", "d"),
         "overlap_p99": ("overlap, 99 % below", "d"),
         "overlap_max": ("overlap, worst", "d"),
+        "flow_softness": ("softness of the flow", ""),
     },
     "cost": {
         "wall_time_s": ("wall time", "s"),

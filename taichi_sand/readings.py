@@ -5,10 +5,17 @@ from typing import Any
 import numpy as np
 
 from taichi_sand.clock import Clock
+from taichi_sand.solvers.bed import Bed
+from taichi_sand.solvers.tolerance import TOO_SOFT, softness
 from taichi_sand.world import sources
 from taichi_sand.world.build import read_grains
 from taichi_sand.world.flags import sentences
 from taichi_sand.world.tables import World
+
+TOO_SOFT_TO_FLOW = (
+    "The flow is too fast for contacts of this tolerance: its softness is {soft:.2g}, above {most:g}, and speeds may be wrong by a tenth "
+    "or more. A smaller tolerance is more exact."
+)
 
 
 class Readings:
@@ -17,6 +24,7 @@ class Readings:
     scene: Any
     steps: int
     world: World
+    bed: Bed
     numbers: dict[str, float]
     made: int
     removed: int
@@ -81,6 +89,11 @@ class Readings:
     def poured(self) -> float:
         """When the sources last made what was due [s]."""
         return self._time_of(self.steps - self.steps % sources.steps_between(self.step))
+
+    def warnings(self) -> list[str]:
+        """What the numbers cannot be trusted with, a sentence each; empty when all is well."""
+        soft, most = softness(self.numbers, self.bed), TOO_SOFT[self.scene.solver.kind]
+        return [TOO_SOFT_TO_FLOW.format(soft=soft, most=most)] if soft > most else []
 
     def _time_of(self, steps: int) -> float:
         """When so many steps had been done [s]; before the step last changed, as if it had always been the same."""

@@ -18,21 +18,22 @@ from taichi_sand.scene.errors import SandError, show
 from taichi_sand.scene.packing import pack
 from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers import choose
-from taichi_sand.solvers.bed import REST, Bed, bed_of, depth_of
+from taichi_sand.solvers.bed import DENSE, EARTH, REST, Bed, bed_of, depth_of, height_of
 from taichi_sand.solvers.tolerance import follows_tolerance
 from taichi_sand.tuning import Tuning
 from taichi_sand.world import census, device, fields, sources
 from taichi_sand.world import hand as hands
 from taichi_sand.world.build import check_periodic, fill, make_world
 from taichi_sand.world.rest import wake
-from taichi_sand.world.wall_scene import check_speeds, fastest_wall, set_patience
+from taichi_sand.world.wall_scene import check_speeds, fastest_wall, set_patience, shortest_shake
 
 LEAST_ROOM = 1000
 """Room for grains that a user adds by hand."""
 WALL_ROOM = (4096, 65536)
 """Room for entries of walls (a grain's width of wall has some five), without and with a hand that may draw them."""
-LOOK, GROWTH = 0.25, 1.2
-"""Simulated time between two looks at the depth of the pile [s], and by how much it must have grown for stiffness and step to follow."""
+LOOK, GROWTH = 0.25 / math.sqrt(0.01 / EARTH), 1.2
+"""Simulated time between two looks at the pile, in sqrt(d / g), 0.25 s for grains of 1 cm; and by how much it must have grown in depth for
+stiffness and step to follow."""
 
 
 MOST_STEPS = 2**31 - 1
@@ -84,7 +85,8 @@ class Simulation(Tuning, Keeping, Readings):
         extra = solver.MEMORY + sum(columns.values())
         rooms, structure = (self.room + sources.room_for(scene), WALL_ROOM[hand]), effect_modules.structure(self.effects, grains)
         self.world = fields.same(make_world(scene, grains, extra, turns, self.arch != "cpu", *rooms, **structure))
-        bed = bed_of(grains, scene.gravity, scene.size, fastest_wall(scene))
+        drive = max([fastest_wall(scene)] + [math.hypot(*source.velocity) for source in scene.sources])
+        bed = bed_of(grains, scene.gravity, scene.size, drive, shortest_shake(scene))
         self.bed = replace(bed, **effect_modules.bed(self.effects, self.world))
         self.sizes = np.array([form.size for form in grains.forms] or [1.0])  # by kind: radius of a disc of the same area / radius
         memory = list(self.world.pairs.memory[-extra:]) if extra else []
@@ -111,6 +113,8 @@ class Simulation(Tuning, Keeping, Readings):
             raise SandError(f"--arch {self.arch}: its driver leaves out parts of the search for contacts; take --arch cpu", "arch")
         census.places(self.world)  # only compiles, as the next
         census.strained(self.world, 0.0, 0.0)
+        census.contact_speeds(self.world)
+        self._follow(self.numbers)
 
     @property
     def effects(self) -> dict[str, dict[str, Any]]:
@@ -155,22 +159,29 @@ class Simulation(Tuning, Keeping, Readings):
             wake(self.world)
             marching.renew(self.world, self.solver)
         end = self.steps + count
-        pauses = [(effect.between, max(1, math.floor(effect.interval / self.step))) for effect in self.pausing]
-        if self.scene.sources:
-            pauses.append((self._pour, sources.steps_between(self.step)))
         while self.steps < end:
+            pauses = self._pauses()
             part = min([end - self.steps, self._steps_to_look()] + [every - self.steps % every for _, every in pauses])
             with self.clock.stage("march"):
                 self._march(part)
-            self.steps += part
-            self.clock.count(self.count, part, self.step)
+            done, self.steps = self.steps, self.world.pace[None].done
+            self.clock.count(self.count, self.steps - done, self.step)
             for act, every in pauses:
                 if self.steps % every == 0:
                     with self.clock.stage("effects"):
                         act(self.world, self.solver)
-            if self._steps_to_look() == self._look_every():
-                with self.clock.stage("look"):
+            with self.clock.stage("look"):
+                if self.world.pace[None].hasty:
+                    self._hasten()
+                elif self._steps_to_look() == self._look_every():
                     self._look()
+
+    def _pauses(self) -> list[tuple[Callable[[Any, Any], None], int]]:
+        """What acts between launches, and after how many steps each."""
+        pauses = [(effect.between, max(1, math.floor(effect.interval / self.step))) for effect in self.pausing]
+        if self.scene.sources:
+            pauses.append((self._pour, sources.steps_between(self.step)))
+        return pauses
 
     def _pour(self, world: Any, solver: Any) -> None:
         """The sources make the grains that are due."""
@@ -180,22 +191,37 @@ class Simulation(Tuning, Keeping, Readings):
             self.renew()
 
     def _look_every(self) -> int:
-        return max(1, math.floor(LOOK / self.step))
+        return max(1, math.floor(LOOK * self.bed.moment / self.step))
 
     def _steps_to_look(self) -> int:
         """Steps until the next look at the depth, counted from when the step last changed."""
         return self._look_every() - (self.steps - self.epoch[0]) % self._look_every()
 
     def _look(self) -> None:
-        """Stiffness and step follow the depth of a pile that has grown, and what the contacts of one at rest show."""
-        if not self.count or not self.bed.gravity or self._sleepy():
+        """Stiffness and step follow the depth of a pile that has grown, what the contacts of one at rest show, how fast grains are, and
+        how fast they flow.
+        """
+        if not self.count or self._sleepy():
             return
-        before = self.bed
-        self.bed = self._deeper(before)
-        if follows_tolerance(self.scene.solver):
-            unit = math.sqrt(before.gravity * before.diameter)
-            self.bed = self.bed.seen(*census.strained(self.world, self.scene.solver.tolerance * before.diameter, REST * unit))
-        if replace(self.bed, late=before.late) != before:
+        if self.bed.gravity:
+            self.bed = self._deeper(self.bed)
+        unit = math.sqrt(self.bed.gravity * self.bed.diameter)
+        share, deep, fastest = census.strained(self.world, self.scene.solver.tolerance * self.bed.diameter, REST * unit)
+        if self.bed.gravity and follows_tolerance(self.scene.solver):
+            self.bed = self.bed.seen(share, deep)
+        self.bed = self.bed.moving(fastest, census.flow(self.world, DENSE) if share > 0.01 else 0.0)
+        self._keep_up()
+
+    def _hasten(self) -> None:
+        """Stiffness and step follow a grain that is faster than they are made for."""
+        *_, fastest = census.strained(self.world, 0.0, 0.0)
+        self.bed = self.bed.outrun(fastest)
+        self._keep_up()
+
+    def _keep_up(self) -> None:
+        """Stiffness and step are those for the bed as it is."""
+        self.world.pace[None].hasty = 0
+        if choose(self.scene.solver.kind).numbers(self.scene, self.bed) != self.numbers:
             self._adopt(self.scene, self.bed, self.over)
 
     def _deeper(self, bed: Bed) -> Bed:
@@ -221,9 +247,12 @@ class Simulation(Tuning, Keeping, Readings):
         """Searches anew, after grains or walls have been changed by hand; what contacts that are gone carried is forgotten."""
         with self.clock.stage("march"):
             wake(self.world)
-            self.world.pace[None].spent = 1
-            self._march(0)
-            marching.renew(self.world, self.solver)
+            self._search_anew()
+
+    def _search_anew(self) -> None:
+        self.world.pace[None].spent = 1
+        self._march(0)
+        marching.renew(self.world, self.solver)
 
     def _adopt(self, scene: Scene, bed: Bed, over: dict[str, float]) -> None:
         """Goes on with this scene, of the same structure, and these numbers beyond its ranges: what the kernels read follows."""
@@ -231,6 +260,7 @@ class Simulation(Tuning, Keeping, Readings):
         numbers = choose(scene.solver.kind).numbers(scene, bed)
         check_speeds(scene, numbers["speed_cap"])
         self.epoch = (self.steps, self.time)
+        before = self.numbers
         self.scene, self.bed, self.numbers, self.over = scene, bed, numbers, over
         self.world.box[None].gravity = scene.gravity
         constants = self.solver.constants
@@ -238,10 +268,18 @@ class Simulation(Tuning, Keeping, Readings):
             if name in constants.keys:
                 setattr(constants[None], name, value)
         self._set_pace()
-        self.renew()
+        with self.clock.stage("march"):
+            self._search_anew()
+        self._follow(before)
+
+    def _follow(self, before: dict[str, float]) -> None:
+        """Contacts go on from the numbers `before` with those there are."""
+        solver = choose(self.scene.solver.kind)
+        if hasattr(solver, "follow"):
+            solver.follow(self.world, self.solver, before, self.numbers)
 
     def _set_pace(self) -> None:
-        for name in ("step", "speed_cap", "deep", "growth"):
+        for name in ("step", "speed_cap", "alert", "deep", "growth", "settling", "spare"):
             setattr(self.world.pace[None], name, self.numbers.get(name, 0.0))
         self.world.pace[None].watch = min((max(1, math.floor(e.interval / self.step)) for e in marching.watchers(self.solver)), default=0)
         set_patience(self.world, self.scene, self.numbers["speed_cap"])

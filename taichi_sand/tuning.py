@@ -9,7 +9,8 @@ import numpy as np
 from taichi_sand import live
 from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.schema import Scene
-from taichi_sand.solvers.bed import Bed
+from taichi_sand.solvers.bed import Bed, height_of
+from taichi_sand.world.rest import wake
 from taichi_sand.world.wall_scene import change_walls
 from taichi_sand.world.water import pour
 
@@ -50,6 +51,7 @@ class Tuning:
         if found:
             over[key], value = found
         scene = live.written(self.scene, key, value)
+        wake(self.world)
         self._adopt(scene, self._bed_for(scene), over)
 
     def retune(self, scene: Scene) -> None:
@@ -60,6 +62,7 @@ class Tuning:
             SandError: it differs in more than what may change; then nothing has changed.
         """
         live.check_live(self.scene, scene)
+        wake(self.world)
         self._adopt(scene, self._bed_for(scene), live.kept(self.over, self.scene, scene))
 
     def _bed_for(self, scene: Scene) -> Bed:
@@ -67,8 +70,8 @@ class Tuning:
         if scene.gravity == self.scene.gravity:
             return self.bed
         gravity = float(np.hypot(*scene.gravity))
-        drop = float(np.abs(scene.gravity) @ np.array(scene.size)) / max(gravity, 1e-12)
-        return replace(self.bed, gravity=gravity, drop=drop)
+        height = height_of(scene.gravity, scene.size)
+        return replace(self.bed, gravity=gravity, drop=height if gravity else 0.0, height=height)
 
     def set_walls(self, walls: Sequence[Any]) -> None:
         """Goes on with these `[[walls]]`, a table each as in a scene file, in the place of those there are.

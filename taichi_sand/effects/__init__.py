@@ -36,6 +36,7 @@ HOOKS = {
         "couple": "(w, c, p, normal_force, roll, radius, stiffness, inertia): torque on the second grain of pair p [N m]",
         "touch": "(w, i, j, normal, wall): grain i touches grain j, or a wall, along the unit vector `normal`",
         "release": "(w, p): pair p does not touch",
+        "tighten": "(w, p, stretch, force): pair p has another stiffness: what is stretched in it, and what pulls, become so many times",
         "stored": "(w, c, p, overlap, stiffness): elastic energy that the effect holds in pair p [J]; asked for if some effect has `store`",
         "store": "(w, p, energy): pair p now holds this much elastic energy [J], effects included; returns what it held before",
     },

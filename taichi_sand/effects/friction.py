@@ -74,6 +74,12 @@ class Friction:
             self.spring[p] = 0.0
 
     @ti.func
+    def tighten(self, w: ti.template(), p, stretch, force):
+        """The stiffness of pair p has changed: the tangential spring goes on."""
+        if ti.static(self.model == "spring"):
+            self.spring[p] *= stretch
+
+    @ti.func
     def stored(self, w: ti.template(), c: ti.template(), p, overlap, stiffness):
         """Energy of the tangential spring [J]."""
         energy = 0.0

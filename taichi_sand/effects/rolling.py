@@ -51,6 +51,11 @@ class Rolling:
         self.torque[p] = 0.0
 
     @ti.func
+    def tighten(self, w: ti.template(), p, stretch, force):
+        """The stiffness of pair p has changed: the spring goes on."""
+        self.torque[p] *= force
+
+    @ti.func
     def spin_cone(self, w: ti.template(), c: ti.template(), p, normal, radius):
         """Largest angular impulse for a normal one."""
         return c.rolling_mu * radius * normal

@@ -13,6 +13,9 @@ too make up the inside of the bed (so the surface, the walls and their ordering 
 `coordination`: mean number of bearing contacts of a grain, walls included, over the grains that are no rattlers. A contact bears when its
 normal force exceeds 1e-3 of the mean one; a rattler has fewer than two such contacts (physics.md B3).
 `depth`: of the pile, in grains, that stiffness and step are made for; measured anew as the pile grows.
+`flow_softness`: of a dense flow, duration of a contact (md: of a collision of two mean grains; rigid: a step) times the speed that 99 %
+of the contacts keep below, grains by their centres, over d; the middle one of the last three looks, 8 sqrt(d/g) apart; 0 if there was no
+flow. Above 0.03 (md) and 0.08 (rigid) `warnings` says so: a slope is then some 10 % too fast (md: 3.5 to 4 times the softness) or too slow.
 `step_set_by`: "tolerance", "scene" (`step` or `substeps`), or "effects", where one, such as bonds, allows no longer step.
 `bed_height_m`: twice the mass-weighted mean height above the lowest point of a grain: the height of a level bed of even density.
 Up is against gravity (+y without gravity).
@@ -39,6 +42,7 @@ import numpy as np
 import taichi as ti
 
 from taichi_sand.measure import observe
+from taichi_sand.solvers.tolerance import softness
 from taichi_sand.world.links import ends_of
 from taichi_sand.world.sources import waiting
 
@@ -198,6 +202,7 @@ def report(sim: Any) -> dict[str, Any]:
         "tolerance": float(sim.scene.solver.tolerance),
         "depth": float(sim.bed.depth),
         **contacts(sim),
+        "flow_softness": softness(sim.numbers, sim.bed),
         **motion(sim),
         **carried(sim),
         "packing_fraction": packing_fraction(sim),
@@ -209,5 +214,6 @@ def report(sim: Any) -> dict[str, Any]:
         "arch": sim.arch,
         "threads": sim.threads,
         "precision": int(sim.scene.solver.precision),
+        "warnings": sim.warnings(),
         "flags": sim.flags(),
     }

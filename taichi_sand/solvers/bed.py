@@ -15,6 +15,19 @@ of the contacts overlap by more than the tolerance, they bear more than its dept
 between walls: contacts are then made STIFFER times as stiff, or twice, four or eight times that where overlaps are so many tolerances;
 and again, up to MOST_STRAIN times what depth asks for."""
 EARTH = 9.81  # m/s2, where a scene has no gravity to measure speeds by
+MARGIN, SLOWER, CALM = 1.5, 0.6, 3
+"""Where a grain gets faster than contacts (md) or steps (rigid) are made for, they are made for MARGIN times its speed. Where at CALM looks
+in turn SLOWER times what they are made for was enough, they are made for that: a fall that is over costs no more."""
+MOST_SPEED = 2.0
+"""They follow speeds up to so many times what walls, sources, the wind, the start and a fall through the whole box can give a grain
+(a heavy one that hits a light one doubles its speed); faster ones are slowed down, so that what is not physical stays bounded."""
+LASTING, PAUSE, SWIFTER = 3, 12, 1.1
+"""The speed of a flow is the middle one of those found at LASTING looks in turn: an impact, or a bed that settles, is no flow. Contacts of
+md are made for one SWIFTER than it, and for a slower one once there was none swifter at PAUSE looks: a flow that only pauses finds them
+stiff."""
+DENSE = 0.3
+"""Less than so many contacts a grain are no dense flow: collisions of a gas are short against the time between them. (Stiff discs on a
+slope of 23 degrees have 0.6.)"""
 WINDOW = 16
 """Diameters across which the depth of a bed is averaged."""
 PACKING = 0.84
@@ -31,7 +44,7 @@ class Bed:
     depth: float  # of the pile, in grains: most weight that lies on a grain, over its own
     load: float  # most mass that lies on a grain [kg]
     gravity: float  # [m/s2]
-    speed: float  # fastest grain at the start, or wall [m/s]
+    speed: float  # fastest grain at the start, source or wall [m/s]
     longest_step: float = math.inf  # that the effects allow [s]
     drop: float = 0.0  # that a grain can fall at most [m]
     clumps: bool = False  # whether there are grains of several discs
@@ -39,6 +52,19 @@ class Bed:
     push: float = 0.0  # of effects that press grains against others, as weight does [N]
     strain: float = 1.0  # by how much more contacts have been found to bear than all that explains
     late: int = 0  # looks in turn that have found so
+    height: float = 0.0  # of the box, along gravity; its longer side without any [m]
+    wind: float = 0.0  # fastest that effects blow a grain [m/s]
+    drive: float = 0.0  # fastest wall or source [m/s]
+    shaking: float = math.inf  # shortest period of a wall that is shaken [s]
+    solid: float = 0.0  # of all grains the largest mass over its diameter squared [kg/m2]
+    fast: float = 0.0  # fastest grain that contacts and steps are made for [m/s]
+    flow: float = 0.0  # 99 % of the contacts of a flow that they are made for move more slowly than this [m/s]
+    fasts: tuple[float, ...] = ()  # fastest grain at the last looks, since they last followed one [m/s]
+    flows: tuple[float, ...] = ()  # speed of a dense flow at the last looks, as `flow` [m/s]
+
+    def __post_init__(self) -> None:
+        for name in ("fasts", "flows"):  # JSON knows no tuples
+            object.__setattr__(self, name, tuple(getattr(self, name)))
 
     def seen(self, moving: float, deep: np.ndarray) -> "Bed":
         """After a look that found this share of the grains in motion, and these of the contacts deeper than 1, 2, 4 … tolerances."""
@@ -48,6 +74,33 @@ class Bed:
         if self.late + 1 < LOOKS:
             return replace(self, late=self.late + 1)
         return replace(self, late=0, strain=min(MOST_STRAIN, STIFFER * 2 ** (level - 1) * self.strain))
+
+    def outrun(self, fastest: float) -> "Bed":
+        """After a grain was found to be as fast as this [m/s]."""
+        return replace(self, fast=min(MARGIN * fastest, self.limit), fasts=())
+
+    def moving(self, fastest: float, flow: float) -> "Bed":
+        """After a look that found the fastest grain this fast, and a dense flow of this speed, 0 if none [m/s]."""
+        fasts, flows = (*self.fasts, fastest)[-CALM:], (*self.flows, flow)[-PAUSE:]
+        fast, made_for = self.fast, self.flow
+        if len(fasts) == CALM and MARGIN * max(fasts) < SLOWER * fast:
+            fast = MARGIN * max(fasts)
+        if lasting(flows) > made_for:
+            made_for = SWIFTER * lasting(flows)
+        elif len(flows) == PAUSE and max(flows) < SLOWER * made_for:
+            made_for = max(flows)
+        return replace(self, fasts=fasts, flows=flows, fast=fast, flow=made_for)
+
+    @property
+    def limit(self) -> float:
+        """Contacts and steps follow grains up to this speed [m/s]."""
+        given = max(self.speed, self.wind) ** 2 + 2 * max(self.pressing, EARTH) * self.height
+        return MOST_SPEED * math.sqrt(given)
+
+    @property
+    def moment(self) -> float:
+        """Time in which a grain falls by half its diameter [s]: what goes on among grains takes as long, whatever their size."""
+        return math.sqrt(self.diameter / (self.gravity or EARTH))
 
     @property
     def pressing(self) -> float:
@@ -60,23 +113,36 @@ class Bed:
         return PULLED * self.pull * (self.gravity or EARTH)
 
 
-def bed_of(pack: Pack, gravity: tuple[float, float], size: tuple[float, float], wall_speed: float = 0.0) -> Bed:
+def lasting(flows: tuple[float, ...]) -> float:
+    """Speed of a flow by those found at the last looks [m/s]; 0 if there were not enough."""
+    return sorted(flows[-LASTING:])[LASTING // 2] if len(flows) >= LASTING else 0.0
+
+
+def height_of(gravity: tuple[float, float], size: tuple[float, float]) -> float:
+    """How far a grain can fall in a box of this size [m]; its longer side where nothing falls."""
+    strength = float(np.hypot(*gravity))
+    return float(np.abs(gravity) @ np.array(size)) / strength if strength else max(size)
+
+
+def bed_of(pack: Pack, gravity: tuple[float, float], size: tuple[float, float], drive: float = 0.0, shaking: float = math.inf) -> Bed:
     """Bed that the grains of `pack` will form where they fall straight down.
 
-    `size` [m] is that of the box, `wall_speed` [m/s] that of the fastest wall.
+    `size` [m] is that of the box, `drive` [m/s] the speed of the fastest wall or source, `shaking` [s] the shortest period of a wall.
     """
+    walls: dict[str, float] = {"height": height_of(gravity, size), "drive": drive, "shaking": shaking}
     if not len(pack.radius):
-        return Bed(1.0, 1.0, 1.0, 1.0, 1.0, float(np.hypot(*gravity)), wall_speed)
+        return Bed(1.0, 1.0, 1.0, 1.0, 1.0, float(np.hypot(*gravity)), drive, fast=drive, **walls)
     free = ~pack.fixed if (~pack.fixed).any() else np.ones_like(pack.fixed)
     radius, mass = pack.size[free], pack.mass[free]
     diameter = 2 * float(radius.mean())
-    speed = max(wall_speed, float(np.hypot(*pack.velocity.T).max()))
+    speed = max(drive, float(np.hypot(*pack.velocity.T).max()))
     least = float((mass / pack.lightness[free]).min())
     depth, load = depth_of(pack.position[free], radius, mass, gravity)
     down = np.array(gravity) / max(float(np.hypot(*gravity)), 1e-12)
     drop = float(np.maximum(down * np.array(size), 0.0).sum() - (pack.position[free] @ down).min())
     strength, clumps = float(np.hypot(*gravity)), bool(pack.lightness.max() > 1.0)
-    return Bed(diameter, float(mass.mean()), least, depth, load, strength, speed, drop=max(drop, 0.0), clumps=clumps)
+    walls |= {"solid": float((mass / (2 * radius) ** 2).max()), "drop": max(drop, 0.0), "fast": speed}
+    return Bed(diameter, float(mass.mean()), least, depth, load, strength, speed, clumps=clumps, **walls)
 
 
 def depth_of(position: np.ndarray, radius: np.ndarray, mass: np.ndarray, gravity: tuple[float, float]) -> tuple[float, float]:

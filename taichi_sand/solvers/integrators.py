@@ -160,7 +160,7 @@ def runge_kutta(w: ti.template(), s: ti.template(), c: ti.template(), start, end
         drift(w, start, end)
         for i in range(start, end):
             g.twist[i] = r.twist[i] + r.gained[i]
-            check_speed(w, i, w.pace[None].speed_cap, fastest_spin(w))
+            check_speed(w, i, w.pace[None].alert, fastest_spin(w))
 
 
 @ti.func

@@ -14,6 +14,7 @@ import taichi as ti
 from taichi_sand.solvers.bed import Bed
 from taichi_sand.solvers.impulses import slip_of
 from taichi_sand.solvers.integrators import INTEGRATORS, Stages, allocate_stages
+from taichi_sand.solvers.tighten import follow
 from taichi_sand.solvers.tolerance import md_numbers
 from taichi_sand.world.clumps import levers, rim, tilt, torques
 from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, motion_of, perp, rolling, wrench
@@ -22,6 +23,7 @@ from taichi_sand.world.movers import feel
 from taichi_sand.world.tables import World, fill_struct
 
 MEMORY = 0
+__all__ = ["MEMORY", "build", "follow", "numbers"]
 
 
 def constants_type(real: Any, live: Iterable[str]) -> Any:

@@ -3,10 +3,13 @@
 import math
 from typing import Any
 
-from taichi_sand.solvers.bed import EARTH, Bed
+from taichi_sand.solvers.bed import EARTH, Bed, lasting
 
 CONTACT_STEPS = 20
 """Steps of molecular dynamics in a collision."""
+ELASTIC, ELASTIC_STEPS = 0.995, 50
+"""And for restitutions above ELASTIC. The step in which two grains meet costs or gives up to (pi h / t_c)^2 / 4 of their energy by chance,
+0.6 % with 20 steps: as much as such a contact is to take."""
 STEP_LIMIT = 0.18
 """Largest stable step over the collision time, for the densest packings with tangential springs (physics.md D1)."""
 MOST_DAMPING = 5.0
@@ -36,8 +39,10 @@ DEEP_DAMPING, MOST_DAMPED = 0.25, 60.0
 """Discs: the ratio is at least this times the depth in grains, up to MOST_DAMPED: what swings in a deep pile is slower still. (Settle
 116 deep: kinetic energy after 2 s, in m g r, 4e-4 with 20, 3e-5 with 30, 9e-5 with 60; 234 deep 3e-2 with 20, 2e-3 with 30, 9e-4 with
 60. Shallow ones rest later with 30 than with 20.)"""
-LONGEST_STEP = 1 / 240
-"""No step of the rigid solver is longer [s]."""
+LONGEST_STEP = 1 / 240 / math.sqrt(0.01 / EARTH)
+"""Rigid: no step is longer than this, in sqrt(d / g); 1/240 s for grains of 1 cm."""
+SHAKE_STEPS = 16
+"""Rigid: nor has a wall that is shaken fewer steps in a period."""
 REFERENCE_STEPS, LEAST_REFERENCE_STEPS = 0.03, 40.0
 """The slow reference impulse follows in REFERENCE_STEPS n^2 steps: as slowly as the slowest swing of a pile n deep dies out, as what
 follows a force with a delay feeds a swing. (1D columns of 5 to 300 discs: a quarter of it still rests, but rings longer; four times as
@@ -50,14 +55,31 @@ LONGEST_FALL = 0.5
 FASTEST = 0.95
 """Rigid: speed cap in diameters a step. Two grains then approach by less in a step than a search can foresee, MOST_SLACK diameters."""
 FALL = 0.9
-"""Share of the speed cap that a falling grain may reach."""
+"""Rigid: share of the speed cap that a grain may reach before steps become shorter."""
+BELOW, ABOVE = 1 - 1e-6, 1.05
+"""Where stiffness and step follow speeds to this share of the limit, they do not follow any farther. Md: they follow one that is ABOVE
+times what they are made for, as what rebounds may be a little faster than it came."""
+MOST_DENT = 0.45
+"""Md: stiffness is such that no grain that flies at a wall comes closer to crossing it than so many of its diameters, whatever the
+tolerance; the tolerance x asks for dents of sqrt(2 x) d at most (physics.md D2)."""
+FLOW_SOFTNESS = 2.0
+"""Md: contacts of a dense flow are so stiff that its softness is at most this many tolerances."""
+TOO_SOFT = {"md": 0.03, "rigid": 0.08}
+"""Softness of a flow: duration of a contact (md: of a collision; rigid: a step) times the speed that 99 % of the contacts keep below, over
+d. Above these numbers a slope of discs is some 10 % too fast with md (3.5 to 4 times the softness) or too slow with rigid
+(study.slope)."""
 PUSH, IMPACT = 0.5, 0.3
 """Rigid: fastest separation of two overlapping grains, and slowest impact, in sqrt(g d) (physics.md D5). Of ten in one place those at the
 ends of a row part nearly twice as fast."""
+PRESS = 3.0
+"""Rigid: but no slower than an overlap of PRESS tolerances asks for: a contact pushes in proportion to that, and what is capped bears no
+more. (A disc on one 1e6 times as light sank in for good.)"""
 YIELD, GROW = 0.4, 0.12
 """Md: an overlap that would part two grains faster than YIELD sqrt(g d), that the weight of the bed does not explain, and that they were
 not seen to come to, is taken out by and by: they touch where they are, and their surfaces grow to the radii they have with GROW sqrt(g d)
 (physics.md C6). Of ten that start in one place those at the ends of a row part seven times as fast."""
+SETTLE = 0.03
+"""Md: contacts of a new stiffness go back to where the surfaces are so slowly that the top of a bed moves with SETTLE sqrt(g d)."""
 MEANT = 0.25
 """Md: who gives the stiffness of contacts means what is pressed together at the start by less than this, in d (physics.md A12)."""
 SOFTEST = 1.0  # md: least stiffness over the mass of a mean grain [1/s2]
@@ -140,15 +162,34 @@ def follows_tolerance(solver: Any) -> bool:
     return not any((solver.step, solver.substeps, solver.stiffness, solver.k_r, solver.hertz))
 
 
+def dent(tolerance: float, bed: Bed) -> float:
+    """How deep two grains that meet may overlap [m] (physics.md D2)."""
+    return min(math.sqrt(tolerance), MOST_DENT / math.sqrt(2)) * bed.diameter
+
+
+def stiffness_for(tolerance: float, bed: Bed, pressed: float) -> float:
+    """Md: force over overlap [N/m] for the bed at rest, in which contacts bear `pressed` [N], for its fastest grains, and for its flow."""
+    overlap, fast = tolerance * bed.diameter, max(bed.fast, bed.drive)
+    rest = pressed / overlap
+    impact = max(0.5 * bed.mass * (fast / dent(tolerance, bed)) ** 2, bed.solid * (fast / MOST_DENT) ** 2)
+    flow = 0.5 * bed.mass * (math.pi * bed.flow / (FLOW_SOFTNESS * overlap)) ** 2
+    return max(rest, impact, flow, SOFTEST * bed.mass) if rest or impact else 1e4 * bed.mass
+
+
+def softness(numbers: dict[str, float], bed: Bed) -> float:
+    """Softness of the flow that the last looks have found, with these numbers of the solver; 0 if there is none."""
+    return lasting(bed.flows) * numbers["contact_time"] / bed.diameter
+
+
 def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
-    """Numbers of solvers.md.constants_type, and the speed cap [m/s]. SandError if the scene asks for an unstable step."""
+    """Numbers of solvers.md.constants_type, the speed cap and the speed that they are made for [m/s], and how long two mean grains touch
+    [s]. SandError if the scene asks for an unstable step.
+    """
     solver = scene.solver
     alpha, beta = {"linear": (0.0, 1.0), "hertz": (0.25, 1.5)}.get(solver.law, (solver.alpha, solver.beta))
     overlap = solver.tolerance * bed.diameter
     pressed = MD_CHAINS * (bed.load * bed.pressing + bed.mass * bed.squeeze) * bed.strain
-    rest = pressed / overlap
-    impact = 0.5 * bed.mass * (bed.speed / (math.sqrt(solver.tolerance) * bed.diameter)) ** 2
-    stiffness = solver.stiffness or (max(rest, impact, SOFTEST * bed.mass) if rest or impact else 1e4 * bed.mass)
+    stiffness = solver.stiffness or stiffness_for(solver.tolerance, bed, pressed)
     k_r = solver.k_r if solver.k_r is not None else stiffness * overlap ** (1 - beta)
     stiffness = k_r * overlap ** (beta - 1)
     weighted = solver.k_d is None
@@ -159,7 +200,8 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     k_d = damping * (math.sqrt(reduced) if weighted else 1.0) * overlap**alpha
     ratio = k_d / (2 * math.sqrt(beta * stiffness * reduced))
     limit = contact_time * stable_step(ratio)
-    step = solver.step or min(contact_time / CONTACT_STEPS, limit, exact * contact_time, bed.longest_step)
+    steps = ELASTIC_STEPS if weighted and solver.restitution > ELASTIC else CONTACT_STEPS
+    step = solver.step or min(contact_time / steps, limit, exact * contact_time, bed.longest_step)
     if step > limit:
         raise scene.error(
             "solver.step",
@@ -168,6 +210,9 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
         )
     _check_step(scene, "step", step, bed)
     cap = 0.5 * bed.diameter * math.pi / contact_time
+    made_for = min(
+        dent(solver.tolerance, bed) * math.sqrt(2 * stiffness / bed.mass), MOST_DENT * math.sqrt(stiffness / max(bed.solid, 1e-30))
+    )
     unit = math.sqrt((bed.gravity or EARTH) * bed.diameter)
     meant = MEANT * bed.diameter if solver.stiffness or solver.k_r is not None else 0.0
     borne = (pressed / k_r) ** (1 / beta)
@@ -177,9 +222,14 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
         "damping": damping,
         "alpha": alpha,
         "beta": beta,
+        "borne": pressed,
+        "contact_time": contact_time * math.sqrt(bed.mass / bed.least_mass),
         "speed_cap": cap,
+        "alert": ABOVE * made_for if follows_tolerance(solver) and made_for < BELOW * bed.limit else cap,
         "deep": max(YIELD * unit * math.sqrt(beta) * contact_time / math.pi, borne, meant),
         "growth": GROW * unit,
+        "settling": SETTLE * unit / bed.depth,
+        "spare": max(1.0, stiffness * overlap / pressed) ** (1 / beta) - 1 if pressed and not solver.stiffness else 0.0,
     }
 
 
@@ -193,12 +243,16 @@ def _check_step(scene: Any, key: str, step: float, bed: Bed) -> None:
 
 
 def rigid_numbers(scene: Any, bed: Bed) -> dict[str, float]:
-    """Numbers of solvers.rigid.constants_type, and the speed cap [m/s]. SandError if the scene asks for an unstable step."""
+    """Numbers of solvers.rigid.constants_type, the speed cap and the speed that they are made for [m/s], and how long it takes to solve a
+    contact [s]. SandError if the scene asks for an unstable step.
+    """
     solver = scene.solver
     weight = max(RIGID_LOAD * (bed.depth * bed.pressing + bed.squeeze) * bed.strain, 1e-12)
     flight = math.sqrt(solver.tolerance) * bed.diameter / max(bed.speed, 1e-12)
-    followed = FALL * FASTEST * bed.diameter / max(math.sqrt(bed.speed**2 + 2 * bed.gravity * bed.drop), 1e-12)
-    step = min(SAG * math.sqrt(solver.tolerance * bed.diameter / weight), flight, followed, LONGEST_STEP, bed.longest_step)
+    falling = math.sqrt(bed.speed**2 + 2 * bed.gravity * bed.drop)
+    followed = FALL * FASTEST * bed.diameter / max(falling, bed.fast, 1e-12)
+    longest = min(LONGEST_STEP * bed.moment, bed.shaking / SHAKE_STEPS, bed.longest_step)
+    step = min(SAG * math.sqrt(solver.tolerance * bed.diameter / weight), flight, followed, longest)
     if solver.substeps:
         step = 1 / (60 * solver.substeps)
     step = solver.step or step
@@ -216,6 +270,7 @@ def rigid_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     a1 = 2 * (CLUMP_DAMPING if bed.clumps else max(SOFT_DAMPING, deep)) + step * omega
     a2 = step * omega * a1
     unit = math.sqrt(max(bed.gravity, 0.0) * bed.diameter)
+    cap = FASTEST * bed.diameter / step
     reference_steps = max(REFERENCE_STEPS * bed.depth**2, LEAST_REFERENCE_STEPS) * (CLUMPS_SLOWER if bed.clumps else 1.0)
     return {
         "step": step,
@@ -223,9 +278,15 @@ def rigid_numbers(scene: Any, bed: Bed) -> dict[str, float]:
         "mass_scale": a2 / (1 + a2),
         "impulse_scale": 1 / (1 + a2),
         "bias_rate": omega / a1,
-        "push_cap": max(PUSH * math.sqrt(bed.pressing * bed.diameter), 0.0 if bed.gravity else bed.diameter),
+        "push_cap": max(
+            PUSH * math.sqrt(bed.pressing * bed.diameter),
+            PRESS * omega / a1 * solver.tolerance * bed.diameter,
+            0.0 if bed.gravity else bed.diameter,
+        ),
         "restitution": solver.restitution,
         "threshold": max(IMPACT * unit, 4 * bed.gravity * step),
         "reference_rate": 1 / reference_steps,
-        "speed_cap": FASTEST * bed.diameter / step,
+        "contact_time": step,
+        "speed_cap": cap,
+        "alert": FALL * cap if follows_tolerance(solver) and FALL * cap < BELOW * bed.limit else cap,
     }

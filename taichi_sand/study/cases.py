@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sand.study import orders, setups
+from taichi_sand.solvers.tolerance import TOO_SOFT
+from taichi_sand.study import orders, setups, slope
 from taichi_sand.study.laboratory import INERTIA, OPEN, PERIODIC, D, Disc, G, Gallery, K, M, R, chain_forces, kinetic, simulate, unit
 from taichi_sand.study.reference import chain, first_bounce, hard_impact, impact, zeta_for
 
@@ -232,6 +233,21 @@ def packing(kind: str) -> list[Row]:
     return [*rows, Row("coordination, mu = 0.5", 3.6, report["coordination"], 0.6)]
 
 
+def rough_slope(kind: str) -> list[Row]:
+    """Discs flow down a rough slope, three seeds each: I at mid-depth, and md beside rigid: as fast, unless the report warns."""
+    rows = []
+    for degrees in slope.ANGLES:
+        found = slope.means("rigid", degrees)
+        if kind == "rigid":
+            rows.append(Row(f"{degrees} degrees: I at mid-depth", slope.law(degrees), found.inertial, 0.08 * slope.law(degrees)))
+        else:
+            soft = slope.means("md", degrees)
+            rows.append(Row(f"{degrees} degrees: mean speed / that of rigid", 1.0, soft.speed / found.speed, 0.15))
+            due = float(soft.softness > TOO_SOFT["md"])
+            rows.append(Row(f"{degrees} degrees: warned (1 = yes) of a softness of {soft.softness:.3f}", due, soft.warned, 0.0))
+    return rows
+
+
 CASES = (
     Case("A1 restitution", "Schwager & Pöschel 2007", restitution, ("md",)),
     Case("A2 restitution", "Newton", restitution, ("rigid",)),
@@ -249,4 +265,5 @@ CASES = (
     Case("A19 invariance", "Galileo", invariance),
     Case("B1 weight of a bed", "statics", weight),
     Case("B2, B3 rough bed", "Shen et al. 2014", packing),
+    Case("B12 rough slope", "da Cruz et al. 2005", rough_slope, quick=False),
 )

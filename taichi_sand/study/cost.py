@@ -211,8 +211,8 @@ def places(sim: Any, moment: float) -> np.ndarray:
 
 
 def relate(points: list[Point]) -> None:
-    """Turns heights and packings into errors: against the finest runs of the same kind of solver, seed by seed."""
-    for name in ("height", "packing"):
+    """Turns heights, packings and speeds of flows into errors: against the finest runs of the same kind of solver, seed by seed."""
+    for name in ("height", "packing", "flow"):
         finest = {}
         for point in sorted(points, key=lambda p: (-p.setting.tolerance, p.setting.precision)):
             if not point.failure:

@@ -12,6 +12,7 @@ import numpy as np
 
 from taichi_sand.measure import observe
 from taichi_sand.measure.report import look_at_pairs, motion, packing_fraction
+from taichi_sand.solvers.tolerance import softness
 
 NAMES = {
     "overlap_mean": "mean overlap / d",
@@ -23,6 +24,7 @@ NAMES = {
     "trajectory": "RMS distance from the reference / d",
     "height": "bed height / that of the finest run - 1",
     "packing": "packing fraction / that of the finest run - 1",
+    "flow": "mean speed of a flow / that of the finest run - 1",
 }
 """The errors, and what stands at the axis of a plot."""
 RESTING = 1e-3
@@ -40,6 +42,7 @@ class Diary:
     scale: float = 0.0  # of the energy [J]
     height: float = 0.0
     packing: float = 0.0
+    speeds: list[float] = field(default_factory=list)
     resting: bool = False
 
 
@@ -103,13 +106,14 @@ def note(sim: Any, diary: Diary, late: bool) -> None:
         if weight.any():
             diary.outer.append(float(-outer @ weight / (weight @ weight)))
         diary.gain.append(step_gain(sim, mass, outer))
+        diary.speeds.append(float(np.hypot(*sim.velocities.T) @ mass / max(mass.sum(), 1e-30)))
     diary.height = moved["bed_height_m"]
     rest = RESTING * masses(sim).sum() * np.hypot(*gravity_of(sim)) * sim.bed.diameter
     diary.resting = moved["kinetic_energy_J"] < rest
 
 
 def close(sim: Any, diary: Diary, conservative: bool) -> dict[str, float]:
-    """The errors of the run, NaN where one has no meaning; height and packing are the values themselves.
+    """The errors of the run, NaN where one has no meaning; height, packing and flow are the values themselves.
 
     With `conservative` contacts (restitution 1, no friction) energy must neither rise nor fall.
     """
@@ -128,6 +132,8 @@ def close(sim: Any, diary: Diary, conservative: bool) -> dict[str, float]:
     if diary.resting:
         found["force"] = abs(float(np.mean(diary.outer)) - 1)
         found["height"], found["packing"] = diary.height, packing_fraction(sim) or math.nan
+    elif softness(sim.numbers, sim.bed) > 0:
+        found["flow"] = float(np.mean(diary.speeds))
     return found
 
 

@@ -82,7 +82,8 @@ class Trial:
         constants[None].stiffness, constants[None].damping = problem.k_r, problem.k_d
         constants[None].alpha, constants[None].beta = problem.alpha, problem.beta
         world.box[None].gravity = [0.0, -G_BOND if problem.bonded else 0.0]
-        pace[None].spent, pace[None].done, pace[None].speed_cap, sim.steps, sim.owed = 1, 0, 10 * SPEED, 0, 0.0
+        pace[None].spent, pace[None].done, sim.steps, sim.owed = 1, 0, 0, 0.0
+        pace[None].speed_cap = pace[None].alert = 10 * SPEED
 
 
 def collision_time(problem: Problem) -> float:

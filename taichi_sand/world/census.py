@@ -9,7 +9,8 @@ import numpy as np
 import taichi as ti
 
 from taichi_sand.world.carried import start_anew
-from taichi_sand.world.geometry import distance_to_second, mobility, movable, position, velocity
+from taichi_sand.world.geometry import distance_to_second, mobility, motion_of, movable, position, velocity
+from taichi_sand.world.motion import speed_squared
 from taichi_sand.world.movers import held_up
 from taichi_sand.world.rest import wake
 from taichi_sand.world.sweep import block_count
@@ -98,12 +99,14 @@ def overlap_of(w: ti.template(), p, wall: ti.template()):
 
 
 @ti.kernel
-def count_strained(w: ti.template(), deep: float, fast: float, found: ti.types.ndarray()):
+def count_strained(w: ti.template(), deep: float, fast: float, found: ti.types.ndarray(), squares: ti.types.ndarray()):
     """See `strained`; a row a block."""
     for b in range(block_count(w)):
-        moving, touching, over = 0, 0, ti.Vector([0] * LEVELS)
+        moving, touching, over, square = 0, 0, ti.Vector([0] * LEVELS), ti.cast(0.0, w.real)
         for i in range(w.blocks.grain_start[b], w.blocks.grain_end[b]):
             moving += ti.cast(velocity(w, i).dot(velocity(w, i)) > fast * fast, ti.i32)
+            square = ti.max(square, speed_squared(w, i))
+        squares[b] = square
         for wall in ti.static((False, True)):
             rows = ti.static((w.blocks.wall_start, w.blocks.wall_end) if wall else (w.blocks.pair_start, w.blocks.pair_end))
             for p in range(rows[0][b], rows[1][b]):
@@ -116,14 +119,47 @@ def count_strained(w: ti.template(), deep: float, fast: float, found: ti.types.n
             found[b, 2 + k] = over[k]
 
 
-def strained(world: World, deep: float, fast: float) -> tuple[float, np.ndarray]:
+def strained(world: World, deep: float, fast: float) -> tuple[float, np.ndarray, float]:
     """Share of the grains that are faster than `fast` [m/s]; shares of the contacts that overlap by more than `deep` times 1, 2, 4 … [m],
-    shape (LEVELS,). All count as fast where a wall waits that nothing can stop: it presses harder the stiffer they get.
+    shape (LEVELS,); speed of the fastest grain [m/s]. All count as fast where a wall waits that nothing can stop: it presses harder the
+    stiffer they get.
     """
-    found = np.zeros((world.blocks.pair_start.shape[0], 2 + LEVELS), np.int32)
-    count_strained(world, deep, fast, found)
+    blocks = world.blocks.pair_start.shape[0]
+    found, squares = np.zeros((blocks, 2 + LEVELS), np.int32), np.zeros(blocks, real_of(world))
+    count_strained(world, deep, fast, found, squares)
     moving, touching, *over = found.sum(axis=0)
-    return float(moving / max(1, world.count[None])), np.array(over) / max(1, touching)
+    return float(moving / max(1, world.count[None])), np.array(over) / max(1, touching), float(np.sqrt(squares.max()))
+
+
+@ti.kernel
+def read_contact_speeds(w: ti.template(), speeds: ti.types.ndarray()):
+    """See `contact_speeds`."""
+    for b in range(block_count(w) - ti.static(int(w.sleeps))):
+        base = w.pace[None].half * w.half
+        for wall in ti.static((False, True)):
+            rows = ti.static((w.blocks.wall_start, w.blocks.wall_end) if wall else (w.blocks.pair_start, w.blocks.pair_end))
+            for p in range(rows[0][b], rows[1][b]):
+                i = w.pairs.first[p]
+                distance, normal = distance_to_second(w, p, i, wall)
+                speed = ti.cast(-1.0, w.real)
+                if distance < w.pairs.contact_distance[p]:
+                    speed = motion_of(w, p, i, i if ti.static(wall) else w.pairs.second[p], distance, normal, wall).norm()
+                speeds[p - base] = speed
+
+
+def contact_speeds(world: World) -> np.ndarray:
+    """How fast the two sides of every contact of grains that are awake move past or at one another [m/s], shape (contacts,): grains by
+    their centres.
+    """
+    speeds = np.full(world.half, -1.0, real_of(world))
+    read_contact_speeds(world, speeds)
+    return speeds[speeds >= 0].astype(float)
+
+
+def flow(world: World, dense: float) -> float:
+    """Speed that 99 % of the contacts of a flow stay below [m/s]; 0 where grains have fewer than `dense` contacts each."""
+    speeds = contact_speeds(world)
+    return float(np.percentile(speeds, 99)) if len(speeds) > dense * max(1, world.count[None]) else 0.0
 
 
 def all_listed(world: World) -> bool:

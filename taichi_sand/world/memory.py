@@ -3,8 +3,10 @@
 import taichi as ti
 
 from taichi_sand.world.clumps import MOST
-from taichi_sand.world.geometry import at_most, wall_row
+from taichi_sand.world.geometry import at_least, at_most, velocity, wall_row
 
+STILL = 4.0
+"""A pair settles if its grains move at, or from, one another less than so many times as fast as it does."""
 WEAK = 0.1
 """Dashpot of a contact that has yet to grow into place, over that of another one."""
 
@@ -71,14 +73,41 @@ def yield_deep(w: ti.template(), row, old, gap):
     Every pair is listed before it touches, so these have been put there. A soft contact would throw them apart with all the energy of
     their overlap. They touch where they are instead, and that distance grows to the sum of the radii while they part (physics.md C6).
     A grain in a heap of these has many contacts at once: their dashpots are weak, as the step is made for those of six.
-    `gap` is that of the surfaces as they are.
+    Pairs whose stiffness has changed (solvers.tighten) touch elsewhere than at the sum of the radii, too. `gap` is that of the surfaces
+    as they are.
     """
     if ti.static(w.yields):
         pairs, pace = ti.static(w.pairs, w.pace)
         short = -gap if -gap > pace[None].deep else 0.0
+        weak = short > 0.0
         if old >= 0:
-            short = at_most(-gap, pairs.contact_distance[row] - pairs.contact_distance[old] - pace[None].grown)
-        if short > 0.0:
-            pairs.contact_distance[row] -= short
+            before = pairs.contact_distance[row] - pairs.contact_distance[old]
+            weak = pairs.root_mass[old] < 0.5 * pairs.root_mass[row]
+            if weak:
+                short = at_least(0.0, at_most(-gap, before - pace[None].grown))
+            else:
+                short = settle_in(w, row, gap, before)
+        if weak and short > 0.0:
             pairs.root_mass[row] *= WEAK
-            pace[None].short = 1
+            ti.atomic_max(pace[None].short, 2)
+        pairs.contact_distance[row] -= short
+
+
+@ti.func
+def settle_in(w: ti.template(), row, gap, before):
+    """By how much the contact distance of a pair whose stiffness has changed is still less than the sum of the radii, or more (below 0),
+    after it was by `before`; where it does not touch any more it is not more. It waits while the two move: work done on a collision
+    would be energy from nowhere. Contacts that are stiffer than the bed needs, as something falls or flows, stay as deep as it needs.
+    """
+    pairs = ti.static(w.pairs)
+    speed = -velocity(w, pairs.first[row]).dot(pairs.normal[row])
+    if row % w.half < w.wall_base:
+        speed += velocity(w, pairs.second[row]).dot(pairs.normal[row])
+    settled = ti.select(ti.abs(speed) < STILL * w.pace[None].settling, w.pace[None].settled, 0.0)
+    meant = at_most(at_least(0.0, before), w.pace[None].spare * at_least(0.0, -gap - before))
+    short = at_least(meant, before - settled)
+    if before < 0.0:
+        short = at_most(0.0, before + settled) if gap < -before else 0.0
+    if short != meant:
+        ti.atomic_max(w.pace[None].short, 1)
+    return at_most(short, at_least(0.0, -gap))

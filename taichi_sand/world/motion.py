@@ -12,32 +12,44 @@ from taichi_sand.world.movers import close_walls
 
 LARGEST_SQUARE = 1e36
 """32 bits hold no more than 3e38."""
-GROWTH_STEPS = 8
-"""Steps between two searches while pairs that were found deep in one another grow into place: a search is what makes them grow."""
+GROWTH_STEPS, SETTLING_STEPS = 8, 128
+"""Steps between two searches while pairs that were found deep in one another grow into place, or those whose stiffness has changed settle:
+a search is what makes them."""
 FASTEST_SURFACE = 4.0
 """No surface turns faster than this times the speed cap: between physical limits never met, it keeps what is not physical finite."""
 
 
 @ti.func
-def guarded(w: ti.template(), i):
-    """Twist of grain i that can be followed: stopped if it is no number, slowed down if it is too fast; flags both."""
-    g = ti.static(w.grains)
-    cap = w.pace[None].speed_cap
+def speed_squared(w: ti.template(), i):
+    """Square of the speed of the fastest part of grain i, but for the spin of a disc [m2/s2]."""
     v = velocity(w, i)
     square = v.dot(v)
     if ti.static(w.clumps):
         square += (spin(w, i) * span(w, i)) ** 2
+    return square
+
+
+@ti.func
+def guarded(w: ti.template(), i):
+    """Twist of grain i that can be followed: stopped if it is no number, slowed down if it is too fast; flags both. One that is only
+    faster than contacts and step are made for has them follow (solvers.tolerance).
+    """
+    g = ti.static(w.grains)
+    cap = w.pace[None].speed_cap
+    v, square = velocity(w, i), speed_squared(w, i)
     twist = g.twist[i]
     if not (square >= 0.0) or not (spin(w, i) * spin(w, i) >= 0.0):
         twist = ti.Vector([0.0, 0.0, 0.0, 0.0])
         flag(w, NOT_FINITE, g.id[i])
-    else:
+    elif square > cap * cap or ti.abs(spin(w, i)) > fastest_spin(w):
         share = ti.min(1.0, cap / ti.sqrt(square + 1e-30))
         turn, most = spin(w, i), fastest_spin(w)
         if ti.static(w.clumps):
             turn *= share
         twist = ti.Vector([v.x * share, v.y * share, ti.min(most, ti.max(-most, turn)), 0.0])
         flag(w, TOO_FAST, g.id[i])
+    if square > w.pace[None].alert ** 2:
+        w.pace[None].hasty = 1
     return twist
 
 
@@ -83,13 +95,10 @@ def followed(w: ti.template(), i, push):
 
 
 @ti.func
-def check_speed(w: ti.template(), i, cap, most_spin):
-    """Sees to it that the motion of grain i can be followed: no faster than `cap` [m/s] and `most_spin` [rad/s]."""
-    v = velocity(w, i)
-    square = v.dot(v)
-    if ti.static(w.clumps):
-        square += (spin(w, i) * span(w, i)) ** 2
-    if not (square <= cap * cap) or not (spin(w, i) * spin(w, i) <= most_spin * most_spin):
+def check_speed(w: ti.template(), i, alert, most_spin):
+    """Sees to it that the motion of grain i can be followed, if it is faster than `alert` [m/s] or `most_spin` [rad/s]."""
+    square = speed_squared(w, i)
+    if not (square <= alert * alert) or not (spin(w, i) * spin(w, i) <= most_spin * most_spin):
         w.grains.twist[i] = guarded(w, i)
 
 
@@ -98,12 +107,12 @@ def drift(w: ti.template(), start, end):
     """Moves and turns the grains start .. end-1 for one step, and notes if one is too far off the path that the search foresaw."""
     g = ti.static(w.grains)
     step = w.pace[None].step
-    cap = w.pace[None].speed_cap
+    alert = w.pace[None].alert
     most_spin = fastest_spin(w)
     time = ti.cast(w.pace[None].since + 1, w.real) * step
     off_path = 0.0
     for i in range(start, end):
-        check_speed(w, i, cap, most_spin)
+        check_speed(w, i, alert, most_spin)
         v = velocity(w, i)
         shift = g.shift[i] + v * step
         g.shift[i] = shift
@@ -130,6 +139,7 @@ def close_step(w: ti.template()):
         pace[None].done += 1
         late = ti.cast(pace[None].since + 1, w.real) * pace[None].step > pace[None].horizon
         if ti.static(w.yields):
-            late = late or (pace[None].short == 1 and pace[None].since >= GROWTH_STEPS)
-        if late or pace[None].strayed == 1:
+            patience = ti.select(pace[None].short == 2, GROWTH_STEPS, SETTLING_STEPS)
+            late = late or (pace[None].short > 0 and pace[None].since >= patience)
+        if late or pace[None].strayed == 1 or pace[None].hasty == 1:
             pace[None].spent = 1

@@ -79,6 +79,7 @@ def foresee(w: ti.template()):
             fastest += pushing.x * pace.step
     pace.horizon = ti.min(slack / (approach + 1e-20), 2.0 * MOST_SLACK * d / (fastest + 1e-20)) * pace.step
     pace.grown = ti.cast(pace.since, w.real) * pace.step * pace.growth
+    pace.settled = ti.cast(pace.since, w.real) * pace.step * pace.settling
     pace.since, pace.strayed, pace.spent, pace.short = 0, 0, 0, 0
     pace.searches += 1
     pace.impacts = 1
@@ -288,6 +289,8 @@ def search_now(w: ti.template()):
 
 
 @ti.kernel
-def progress(w: ti.template()) -> ti.types.vector(2, ti.i32):
-    """Whether a search is due, and how many steps are done: together, as a GPU is waited for at every look."""
-    return ti.Vector([w.pace[None].spent, w.pace[None].done])
+def progress(w: ti.template()) -> ti.types.vector(3, ti.i32):
+    """Whether a search is due, how many steps are done, and whether a grain is too fast for their length: together, as a GPU is waited for
+    at every look.
+    """
+    return ti.Vector([w.pace[None].spent, w.pace[None].done, w.pace[None].hasty])

@@ -167,10 +167,15 @@ def pace_type(real: Any) -> Any:
         searches=ti.i32,  # searches since the start
         step=real,  # h [s]
         speed_cap=real,  # [m/s]
+        alert=real,  # the march stops for contacts and step to follow where a grain is faster than this [m/s]
+        hasty=ti.i32,  # 1 = some grain is
         deep=real,  # md: a pair found at a larger overlap has not come there by itself [m] (world.memory.yield_deep)
         growth=real,  # md: how fast the surfaces of such a pair grow to where they are [m/s]
         grown=real,  # md: how far they have since the search before [m]
-        short=ti.i32,  # md: 1 = some pair has not grown so far yet
+        settling=real,  # md: how fast pairs whose stiffness has changed go back to the sum of their radii [m/s]
+        settled=real,  # md: how far they have since the search before [m]
+        spare=real,  # md: by so many times their overlap they may stay less: contacts are that much stiffer than the bed at rest needs
+        short=ti.i32,  # md: 2 = some pair has not grown so far yet, 1 = has not settled yet
     )
 
 

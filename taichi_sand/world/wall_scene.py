@@ -61,6 +61,11 @@ def fastest_wall(scene: Any) -> float:
     return max((moving.top_speed(wall) for wall in moving_walls(scene)), default=0.0)
 
 
+def shortest_shake(scene: Any) -> float:
+    """Shortest period with which a wall is shaken [s]; infinite if none is."""
+    return min((1 / wall.shake.frequency for wall in scene.walls if wall.shake), default=float("inf"))
+
+
 def check_speeds(scene: Any, cap: float) -> None:
     """SandError if a wall moves faster than can be followed, `cap` [m/s]."""
     for index, wall in enumerate(scene.walls):
