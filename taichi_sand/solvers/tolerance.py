@@ -176,6 +176,12 @@ def stiffness_for(tolerance: float, bed: Bed, pressed: float) -> float:
     return max(rest, impact, flow, SOFTEST * bed.mass) if rest or impact else 1e4 * bed.mass
 
 
+def speed_for(tolerance: float, bed: Bed, stiffness: float) -> float:
+    """Md: up to which speed [m/s] contacts of this stiffness [N/m] dent no deeper than they may."""
+    through = MOST_DENT * math.sqrt(stiffness / max(bed.solid, 1e-30))
+    return min(dent(tolerance, bed) * math.sqrt(2 * stiffness / bed.mass), through)
+
+
 def softness(numbers: dict[str, float], bed: Bed) -> float:
     """Softness of the flow that the last looks have found, with these numbers of the solver; 0 if there is none."""
     return lasting(bed.flows) * numbers["contact_time"] / bed.diameter
@@ -210,9 +216,7 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
         )
     _check_step(scene, "step", step, bed)
     cap = 0.5 * bed.diameter * math.pi / contact_time
-    made_for = min(
-        dent(solver.tolerance, bed) * math.sqrt(2 * stiffness / bed.mass), MOST_DENT * math.sqrt(stiffness / max(bed.solid, 1e-30))
-    )
+    made_for = speed_for(solver.tolerance, bed, stiffness)
     unit = math.sqrt((bed.gravity or EARTH) * bed.diameter)
     meant = MEANT * bed.diameter if solver.stiffness or solver.k_r is not None else 0.0
     borne = (pressed / k_r) ** (1 / beta)
