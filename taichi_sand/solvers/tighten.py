@@ -65,6 +65,8 @@ def tighten(w: ti.template(), s: ti.template(), share: ti.f32, quiet: ti.f32, mo
 
 def follow(world: Any, solver: Any, before: dict[str, float], after: dict[str, float]) -> None:
     """Has the contacts of `world` go on from the numbers `before` with those `after`."""
+    if "stiffness" not in before:
+        return  # those of the other solver, whose contacts are hard
     share = before["stiffness"] / after["stiffness"]
     quiet = QUIET
     if share > 1.0:
