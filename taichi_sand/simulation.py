@@ -18,7 +18,7 @@ from taichi_sand.scene.errors import SandError, show
 from taichi_sand.scene.packing import pack
 from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers import choose
-from taichi_sand.solvers.bed import DENSE, EARTH, REST, Bed, bed_of, depth_of, height_of
+from taichi_sand.solvers.bed import DENSE, EARTH, REST, Bed, bed_of, depth_of
 from taichi_sand.solvers.tolerance import follows_tolerance
 from taichi_sand.tuning import Tuning
 from taichi_sand.world import census, device, fields, sources
