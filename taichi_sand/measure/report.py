@@ -31,6 +31,7 @@ between smooth sides gives its weight.
 `grains_asleep`: with the effect `sleeping`: grains that are not computed at present.
 `wall_time_s`, and what is made of it: since the simulation was made or resumed, without compiling.
 `stages_s`: wall time by stage [s]: march (lists and steps), effects, look (depth of the pile), measure.
+`warnings`: what holds, but only roughly, a sentence each: flows that are too soft or too fast; empty when there is nothing to say.
 `flags`: what had to be bounded or went wrong, a sentence each; empty when all is well.
 `solver`, `effects`, `arch`, `threads` and `precision`: what it ran with; `threads` is null for all there are.
 Forces are those of the last step. Sums are in f64 on the CPU and CUDA.
