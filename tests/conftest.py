@@ -1,7 +1,7 @@
 """Shared by all tests: Taichi keeps quiet and keeps its cache of compiled kernels."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -21,6 +21,20 @@ def nobody_elses_simulation() -> None:
     from taichi_sand.study.laboratory import fresh_taichi
 
     fresh_taichi()
+
+
+@pytest.fixture
+def arithmetic_as_written(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Taichi starts afresh without leave to fuse products and sums, and afresh once more for whoever comes next."""
+    from taichi_sand.study.laboratory import fresh_taichi
+    from taichi_sand.world import device
+
+    monkeypatch.setenv("TI_FAST_MATH", "0")
+    fresh_taichi()
+    device.forget()
+    yield
+    fresh_taichi()
+    device.forget()
 
 
 @pytest.fixture

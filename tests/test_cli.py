@@ -119,6 +119,7 @@ class Quick:
     """Stands in for a simulation where only what the command makes of it matters."""
 
     said = ("3 grains were lost.",)
+    owed = 0.0
 
     def __init__(self, scene: object, **_: object) -> None:
         self.scene, self.time = scene, 0.0

@@ -60,12 +60,12 @@ def test_overlapping_discs_count_once() -> None:
 
 
 @pytest.mark.parametrize("kind", ["md", "rigid"])
-def test_a_clump_of_one_follows_a_disc(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.usefixtures("arithmetic_as_written")
+def test_a_clump_of_one_follows_a_disc(kind: str) -> None:
     """Bit for bit, through a pour onto a line and a floor: levers, headings and disc numbers change nothing of a disc.
 
     In the arithmetic as written: left free, the compiler fuses other products into other sums.
     """
-    monkeypatch.setenv("TI_FAST_MATH", "0")
     states = []
     for shape in ("disc", "one"):
         grains = [{"shape": shape, "radius": [0.004, 0.006], "count": 120, "angle": "random"}]
@@ -76,7 +76,6 @@ def test_a_clump_of_one_follows_a_disc(kind: str, monkeypatch: pytest.MonkeyPatc
         states.append((sim.positions, sim.velocities, sim.spins, sim.angles))
     for one, other in zip(*states, strict=True):
         assert (one == other).all()
-    fresh_taichi()
 
 
 @pytest.mark.parametrize("name", SOLVERS)
