@@ -131,7 +131,7 @@ class Quick:
         return list(self.said)
 
     def report(self) -> dict:
-        return {"flags": self.flags()}
+        return {"flags": self.flags(), "warnings": []}
 
 
 class Interrupted(Quick):
