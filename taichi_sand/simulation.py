@@ -25,7 +25,7 @@ from taichi_sand.world import census, device, fields, sources
 from taichi_sand.world import hand as hands
 from taichi_sand.world.build import check_periodic, fill, make_world
 from taichi_sand.world.rest import wake
-from taichi_sand.world.wall_scene import check_speeds, fastest_wall, set_patience, shortest_shake
+from taichi_sand.world.wall_scene import check_speeds, fastest_wall, set_patience, shortest_shake, wall_loads
 
 LEAST_ROOM = 1000
 """Room for grains that a user adds by hand."""
@@ -87,7 +87,7 @@ class Simulation(Tuning, Keeping, Readings):
         self.world = fields.same(make_world(scene, grains, extra, turns, self.arch != "cpu", *rooms, **structure))
         drive = max([fastest_wall(scene)] + [math.hypot(*source.velocity) for source in scene.sources])
         bed = bed_of(grains, scene.gravity, scene.size, drive, shortest_shake(scene))
-        self.bed = replace(bed, **effect_modules.bed(self.effects, self.world))
+        self.bed = replace(bed, **effect_modules.bed(self.effects, self.world), **wall_loads(scene, grains))
         self.sizes = np.array([form.size for form in grains.forms] or [1.0])  # by kind: radius of a disc of the same area / radius
         memory = list(self.world.pairs.memory[-extra:]) if extra else []
         own = [memory.pop(0) for _ in range(solver.MEMORY)]

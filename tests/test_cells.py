@@ -19,6 +19,7 @@ LOOSE = {"radius": [0.004, 0.006], "count": 300, "fill": "lattice", "pitch": 1.3
 FRICTION = {"friction": {"mu": 0.5}}
 SLEEPY = {"sleeping": {"speed": 0.05, "time": 0.05}}
 SHAKEN = {"points": [[0.1, 0.03], [0.2, 0.03]], "shake": {"amplitude": [0.002, 0.0005], "frequency": 5.0}}
+LID = {"points": [[0.02, 0.33], [0.28, 0.33]], "velocity": [0.0, -0.5], "force": 5.0}
 PERIODIC_X = {"left": "periodic", "right": "periodic"}
 TRIANGLES = {"shape": "triangle", "radius": 0.004, "count": 60, "fill": "lattice", "region": [0.0, 0.06, 0.3, 0.3], "angle": "random"}
 BAR = {"positions": [[0.05 + 0.01 * k, 0.35] for k in range(12)], "radius": R, "bonded": True}
@@ -26,7 +27,7 @@ BOULDERS = {"positions": [[0.08 + 0.14 * k, 0.42, 0.03] for k in range(2)]}
 SPRING = {"shape": "disc", "radius": 0.005, "rate": 200, "region": [0.02, 0.4, 0.28, 0.48]}
 CASES: dict[str, dict[str, Any]] = {
     "plain": {"grains": [LOOSE]},
-    "clumps, shaken wall, periodic": {"grains": [TRIANGLES], "walls": [SHAKEN], "edges": PERIODIC_X},
+    "clumps, shaken wall, periodic": {"grains": [TRIANGLES], "walls": [SHAKEN, LID], "edges": PERIODIC_X},
     "damp, warm, asleep": {
         "grains": [{**LOOSE, "pitch": 1.05, "count": 250, "region": [0.0, 0.0, 0.3, 0.12]}],
         "walls": [{"points": [[0.2, 0.0], [0.2, 0.2]]}],

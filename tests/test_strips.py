@@ -16,6 +16,7 @@ SIDE = 0.6
 SCENES: dict[str, dict[str, Any]] = {
     "plain": {},
     "boulder": {"grains": [LOOSE, {"positions": [[0.3, 0.9, 0.1]], "density": 1000.0}], "edges": {}},
+    "lid": {"walls": [{"points": [[0.0, 0.9], [SIDE, 0.9]], "velocity": [0.0, -1.0], "force": 20.0, "mass": 2.0}]},
     "wall": {"walls": [{"points": [[0.0, 0.02], [SIDE, 0.02]], "shake": {"amplitude": [0.0, 0.001], "frequency": 10.0}}]},
 }
 

@@ -135,6 +135,8 @@ def _moving_wall(table: "Wall") -> None:
     """What belongs to a motion that there is."""
     if table.pivot is not None and not table.spin:
         raise Wrong("pivot", " needs a `spin`")
+    if table.mass is not None and table.force is None:
+        raise Wrong("mass", " needs a `force`: a wall without one moves as its keys say, whatever it weighs")
     if table.force is not None:
         if not any(table.velocity):
             raise Wrong("force", " needs a `velocity`: the one that it pushes along, and that the wall has when nothing resists")

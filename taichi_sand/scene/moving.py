@@ -37,6 +37,12 @@ def top_speed(wall: "Wall") -> float:
     return float(np.hypot(*wall.velocity) + omega * np.hypot(*amplitude) + abs(wall.spin) * lever(wall))
 
 
+def breadth(wall: "Wall") -> float:
+    """How broad it is across its `velocity` [m]."""
+    vx, vy = np.array(wall.velocity) / np.hypot(*wall.velocity)
+    return float(np.ptp(np.array(wall.points) @ [-vy, vx]))
+
+
 def corners(wall: "Wall", time: float = 0.0) -> np.ndarray:
     """Its points (n, 2) [m] when its clock shows `time` [s], the first one again at the end if it is closed."""
     points = np.array(wall.points + (wall.points[:1] if wall.closed else ()))

@@ -131,7 +131,8 @@ class Wall(Table):
     spin: Number = key(0.0, "that it turns with, counter-clockwise", "rad/s")
     pivot: Vector | None = key(None, "[x, y] at time 0 of what it turns about; the mean of its points if not given", "m")
     shake: Shake | None = key(None, "{ amplitude = [ax, ay], frequency = Hz } that it is shaken with")
-    force: Number | None = key(None, "that it is pushed along its `velocity` with at most, less the faster it moves", "N", gt=0)
+    force: Number | None = key(None, "that it is pushed along its `velocity` with, which then is the fastest that it moves", "N", gt=0)
+    mass: Number | None = key(None, "of a wall with `force`; it has no inertia if not given", "kg", gt=0)
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:

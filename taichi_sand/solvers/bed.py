@@ -50,6 +50,8 @@ class Bed:
     clumps: bool = False  # whether there are grains of several discs
     pull: float = 0.0  # of effects that hold grains together, in weights of a mean grain
     push: float = 0.0  # of effects that press grains against others, as weight does [N]
+    thrust: float = 0.0  # of walls with force on a column of grains [N]
+    ram: float = 0.0  # energy of walls with force and mass for each grain that they may run into [J]
     strain: float = 1.0  # by how much more contacts have been found to bear than all that explains
     late: int = 0  # looks in turn that have found so
     height: float = 0.0  # of the box, along gravity; its longer side without any [m]
@@ -110,7 +112,7 @@ class Bed:
     @property
     def squeeze(self) -> float:
         """Force that presses grains together besides the load, over the mass of a mean grain [m/s2]."""
-        return PULLED * self.pull * (self.gravity or EARTH)
+        return PULLED * self.pull * (self.gravity or EARTH) + self.thrust / self.mass
 
 
 def lasting(flows: tuple[float, ...]) -> float:

@@ -5,6 +5,7 @@ import taichi as ti
 from taichi_sand.solvers.impulses import arms, cone, give, lowest, meeting, slip_by, slip_of, tangential_mass
 from taichi_sand.world.geometry import add, movable, within
 from taichi_sand.world.ledger import drive, settle_work
+from taichi_sand.world.servo import along_course, apart, driver, drives, each_driven, hit_by
 from taichi_sand.world.sweep import each_grain, nothing, sweep
 
 ROUNDS = 8
@@ -20,17 +21,49 @@ def free(w: ti.template(), i):
 
 @ti.func
 def collide(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
-    """Answers the impact of pair p, if it would touch within the step faster than the threshold (physics.md A2, A4).
+    """Answers the impact of pair p, but for those with walls that answer to all their contacts at once."""
+    if not apart(w, p, wall):
+        answer(w, s, c, p, wall, w.pairs.mass[p])
+
+
+@ti.func
+def ram(w: ti.template(), s: ti.template(), c: ti.template(), p):
+    """Answers the impact of pair p with a wall with `force`, and has the wall take its part. One without mass gives none."""
+    m = driver(w, p)
+    normal = w.pairs.normal[p]
+    if w.movers.mass[m] > 0.0:
+        mass = 1.0 / (1.0 / w.pairs.mass[p] + w.movers.way[m].dot(normal) ** 2 / w.movers.mass[m])
+        impulse = answer(w, s, c, p, True, mass)
+        hit_by(w, m, along_course(w, m, impulse, normal))
+
+
+@ti.func
+def ram_all(w: ti.template(), s: ti.template(), c: ti.template()):
+    """The impacts with walls with `force`, one after the other."""
+    if ti.static(drives(w)):
+        ti.loop_config(serialize=True)
+        for _run in range(1):
+            if colliding(w):
+                for m in range(w.movers.walls[None]):
+                    each_driven(w, s, c, m, ram)
+
+
+@ti.func
+def answer(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template(), mass):
+    """Answers the impact of pair p, of effective mass `mass` [kg], if it would touch within the step faster than the threshold
+    (physics.md A2, A4).
 
     One of its grains must be free: in a pile that closes under load the impulses have to be remembered, not answered and forgotten.
     What is reflected is the velocity of the moment, with half the step's gravity: with all of it a bounce would add speed * g h.
+    Returns the impulse (normal, tangential) [N s].
     """
     pairs = ti.static(w.pairs)
+    impulse = ti.Vector([0.0, 0.0])
     i, j, normal, gap, motion, lever, speed = meeting(w, p, wall)
     if speed < -c.threshold and speed * c.step + gap < 0.0 and (free(w, i) or free(w, j)):
         arm_i, arm_j = arms(w, i, j, gap, lever, wall)
         kicked = (movable(w, j) - movable(w, i) if ti.static(not wall) else -movable(w, i)) * w.box[None].gravity.dot(normal) * c.step
-        impulse = ti.Vector([-(1.0 + c.restitution) * pairs.mass[p] * (speed - 0.5 * kicked), 0.0])
+        impulse.x = -(1.0 + c.restitution) * mass * (speed - 0.5 * kicked)
         if ti.static(w.turns):
             slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall) + slip_by(w, i, j, impulse.x, arm_i, arm_j, lever, wall)
             bound = cone(w, s, c, p, wall, impulse.x)
@@ -39,6 +72,7 @@ def collide(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
         drive(w, s, p, gap + pairs.contact_distance[p], normal, impulse, wall)
         lowest(w, s, c, p, 0.0, 0.0)  # they touch
         w.pace[None].hit = 1
+    return impulse
 
 
 @ti.func
@@ -71,10 +105,12 @@ def collide_all(w: ti.template(), s: ti.template(), c: ti.template()):
     if ti.static(w.layout == "one"):
         for _round in range(ROUNDS):
             sweep(w, (collide,), nothing, s, c, colliding)
+            ram_all(w, s, c)
             close_round(w)
     else:
         for _round in ti.static(range(2)):
             sweep(w, (collide,), nothing, s, c, colliding)
+            ram_all(w, s, c)
             close_round(w)
     w.pace[None].impacts = 0
     each_grain(w, guess, s, c)

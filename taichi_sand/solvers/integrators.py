@@ -77,6 +77,7 @@ def symplectic_euler(w: ti.template(), s: ti.template(), c: ti.template(), pair:
     """v += h a(x, v), then x += h v: first order, and no drift of energy."""
     if ti.static(w.moves):
         place_walls(w, 0.0, 0.0)
+    s.run(w, s, c, 1.0, going)
     pull_links(w, s, c, going, True)
     sweep(w, pair, kick_and_drift, s, c, going)
 
@@ -124,6 +125,7 @@ def velocity_verlet(w: ti.template(), s: ti.template(), c: ti.template(), pair: 
     each_grain(w, half_kick_and_drift, s, c)
     if ti.static(w.moves):
         place_walls(w, 1.0, 1.0)
+    s.run(w, s, c, 1.0, going)
     pull_links(w, s, c, going, True)
     sweep(w, pair, half_kick, s, c, going)
 
@@ -173,6 +175,7 @@ def rk4(w: ti.template(), s: ti.template(), c: ti.template(), pair: ti.template(
             c.step = 0.5 * h * (stage % 2)
             if ti.static(w.moves):
                 place_walls(w, 0.5 * ((stage + 1) // 2), 0.5 * ((stage + 1) // 2))
+            s.run(w, s, c, 0.5 * ((stage + 1) // 2), going)
             pull_links(w, s, c, going, stage == 0)
             sweep(w, pair, runge_kutta, s, c, going)
     else:
@@ -181,6 +184,7 @@ def rk4(w: ti.template(), s: ti.template(), c: ti.template(), pair: ti.template(
             c.step = 0.5 * h * (stage % 2)
             if ti.static(w.moves):
                 place_walls(w, 0.5 * ((stage + 1) // 2), 0.5 * ((stage + 1) // 2))
+            s.run(w, s, c, 0.5 * ((stage + 1) // 2), going)
             pull_links(w, s, c, going, stage == 0)
             sweep(w, pair, runge_kutta, s, c, going)
 

@@ -20,6 +20,7 @@ from taichi_sand.world.clumps import levers, rim, tilt, torques
 from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, motion_of, perp, rolling, wrench
 from taichi_sand.world.ledger import set_off, split
 from taichi_sand.world.movers import feel
+from taichi_sand.world.servo import along_course, balance, carried, drives, pressed, run_at, swinging
 from taichi_sand.world.tables import World, fill_struct
 
 MEMORY = 0
@@ -46,6 +47,7 @@ class MolecularDynamics:
     law: str  # linear, hertz or custom
     weighted: bool  # whether `damping` is to be multiplied by the root of the effective mass; if not it is k_d itself
     integrator: Any  # ti.func of solvers.integrators
+    run: Any  # ti.func that has the walls with force run
     stages: Stages | None  # what RK4 keeps within a step
     effects: tuple
     step: Any  # ti.func of one step
@@ -98,16 +100,59 @@ def turn(w: ti.template(), s: ti.template(), c: ti.template(), i, j, torque, wal
 
 
 @ti.func
-def resist(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, normal_force, slip, stiffness, dashpot, wall: ti.template()):
-    """Tangential force of pair p, which slips by `slip` [m/s]; adds what resists rolling to the loads."""
+def resist(
+    w: ti.template(),
+    s: ti.template(),
+    c: ti.template(),
+    p,
+    i,
+    j,
+    normal_force,
+    slip,
+    stiffness,
+    dashpot,
+    wall: ti.template(),
+    trial: ti.template(),
+):
+    """Tangential force of pair p, which slips by `slip` [m/s]; adds what resists rolling to the loads, unless it is a trial."""
     force = 0.0
     for effect in ti.static(s.effects):
         if ti.static(hasattr(effect, "tangent")):
             force += effect.tangent(w, c, p, wall, normal_force, slip, stiffness, dashpot)
-        if ti.static(hasattr(effect, "couple")):
+        if ti.static(hasattr(effect, "couple") and not trial):
             roll, radius, inertia = rolling(w, p, i, j, wall)
             turn(w, s, c, i, j, effect.couple(w, c, p, normal_force, roll, radius, stiffness, inertia), wall)
     return force
+
+
+@ti.func
+def pushed(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, distance, normal, wall: ti.template(), trial: ti.template()):
+    """Force of pair p, which overlaps (normal, tangential) [N], levers of both grains for it (four, and the first two of discs as
+    well), and how fast the force grows with the overlap [N/m] and with the speed of approach [N s/m]. Effects remember what they
+    need; with `trial` nothing else is changed.
+    """
+    pairs = ti.static(w.pairs)
+    overlap = pairs.contact_distance[p] - distance
+    force = ti.Vector([0.0, 0.0])
+    motion = motion_of(w, p, i, j, distance, normal, wall)
+    stiffness = elastic_stiffness(s, c, overlap)
+    dashpot = damping(s, c, swinging(w, p, normal, wall), overlap)
+    speed = motion.dot(normal)
+    arm_i = rim(w, p, i) - (overlap if ti.static(wall) else 0.5 * overlap)
+    arm_j = 0.0 if ti.static(wall) else distance - arm_i
+    lever = ti.Vector([0.0, 0.0, 0.0, 0.0])
+    if ti.static(w.clumps):
+        lever = levers(w, p, i, j, normal, arm_i, arm_j, wall)
+        arm_i, arm_j = lever.x, lever.y
+        speed += tilt(w, i, j, lever, wall)
+    force.x = at_least(0.0, stiffness * overlap - dashpot * speed)
+    if ti.static(w.turns):
+        slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall)
+        force.y = resist(w, s, c, p, i, j, force.x, slip, stiffness, dashpot, wall, trial)
+    for effect in ti.static(s.effects):
+        if ti.static(hasattr(effect, "normal")):
+            force.x += effect.normal(w, c, p, overlap)
+    return force, arm_i, arm_j, lever, c.beta * stiffness, dashpot
 
 
 @ti.func
@@ -120,24 +165,8 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     overlap = pairs.contact_distance[p] - distance
     force = ti.Vector([0.0, 0.0])
     if overlap > 0.0:
-        motion = motion_of(w, p, i, j, distance, normal, wall)
-        stiffness = elastic_stiffness(s, c, overlap)
-        dashpot = damping(s, c, pairs.root_mass[p], overlap)
-        speed = motion.dot(normal)
-        arm_i = rim(w, p, i) - (overlap if ti.static(wall) else 0.5 * overlap)
-        arm_j = 0.0 if ti.static(wall) else distance - arm_i
-        lever = ti.Vector([0.0, 0.0, 0.0, 0.0])
-        if ti.static(w.clumps):
-            lever = levers(w, p, i, j, normal, arm_i, arm_j, wall)
-            arm_i, arm_j = lever.x, lever.y
-            speed += tilt(w, i, j, lever, wall)
-        force.x = at_least(0.0, stiffness * overlap - dashpot * speed)
-        if ti.static(w.turns):
-            slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall)
-            force.y = resist(w, s, c, p, i, j, force.x, slip, stiffness, dashpot, wall)
+        force, arm_i, arm_j, lever, _stiffness, _dashpot = pushed(w, s, c, p, i, j, distance, normal, wall, False)
         for effect in ti.static(s.effects):
-            if ti.static(hasattr(effect, "normal")):
-                force.x += effect.normal(w, c, p, overlap)
             if ti.static(hasattr(effect, "touch")):
                 effect.touch(w, i, j, normal, wall)
         load(w, s, c, i, j, force, normal, arm_i, arm_j, lever, wall)
@@ -154,6 +183,67 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
                 load(w, s, c, i, j, force, normal, 0.0, 0.0, lever, wall)
     pairs.force[p] = force
     hold(w, s, c, p, i, j, overlap, wall)
+
+
+@ti.func
+def press(w: ti.template(), s: ti.template(), c: ti.template(), p, m, time):
+    """What wall pair p resists the course of wall m with as that runs now [N], and by how much that grows with its speed [N s/m] if it
+    has moved on for `time`. Nothing is changed.
+    """
+    memory = ti.static(w.pairs.memory[1:])
+    kept = ti.Vector([0.0 for _ in range(ti.static(len(memory) + 1))])
+    for k in ti.static(range(len(memory))):
+        kept[k] = memory[k][p]
+    i = w.pairs.first[p]
+    distance, normal = distance_to_second(w, p, i, True)
+    overlap = w.pairs.contact_distance[p] - distance
+    part = ti.Vector([0.0, 0.0])
+    if overlap > 0.0:
+        force, _arm_i, _arm_j, _lever, stiffness, dashpot = pushed(w, s, c, p, i, i, distance, normal, True, True)
+        part.x, part.y = along_course(w, m, force, normal), ti.select(force.x > 0.0, stiffness * time + dashpot, 0.0)
+        if ti.static(not w.turns):
+            part.y *= w.movers.way[m].dot(normal) ** 2
+    else:
+        force = ti.Vector([0.0, 0.0])
+        for effect in ti.static(s.effects):
+            if ti.static(hasattr(effect, "normal")):
+                force.x += effect.normal(w, c, p, overlap)
+        part.x = along_course(w, m, force, normal)
+    for k in ti.static(range(len(memory))):
+        memory[k][p] = kept[k]
+    return part
+
+
+@ti.func
+def run_walls(w: ti.template(), s: ti.template(), c: ti.template(), ahead, when: ti.template()):
+    """Has the walls with `force` run up to `ahead` of this step, 0 … 1, so that the contacts of the sweep to come bear what they press.
+
+    One with mass M answers to the forces P' of the sweep before where that is stable, as grains do: u' = u + h (F - P') / M. Where M
+    is less than what one step makes of the contacts, h dP/du, the share 1 - M / (h dP/du) of P' is replaced by what they will press.
+    """
+    if ti.static(drives(w)):
+        movers = ti.static(w.movers)
+        ti.loop_config(serialize=True)
+        for _run in range(1):
+            if when(w):
+                time = ahead * w.pace[None].step
+                for m in range(movers.walls[None]):
+                    if movers.force[m] > 0.0:
+                        force, mass, start = movers.force[m], movers.mass[m], movers.onward[m]
+                        rate, share = movers.rate[m], 1.0
+                        if mass > 0.0:
+                            run_at(w, m, start, 0.0)
+                            kick = time * (force - carried(w, m))
+                            run_at(w, m, start, time)
+                            share = at_least(0.0, 1.0 - mass / (time * pressed(w, s, c, m, press, time).y + 1e-30))
+                            rate = ti.max(-1.0, ti.min(1.0, start + kick / (mass * movers.speed[m])))
+                            force += (1.0 / (share + 1e-30) - 1.0) * kick / time
+                        if share > 0.0:
+                            rate = balance(w, s, c, m, press, time, force, mass / (share * time), start, rate)
+                        run_at(w, m, rate, time)
+                        movers.rate[m] = rate
+                        if ahead == 1.0:
+                            movers.onward[m] = rate
 
 
 @ti.func
@@ -190,4 +280,6 @@ def build(scene: Any, values: dict[str, float], live: dict[str, float], own: lis
     constants = fill_struct(constants_type(world.real, live), {**values, **live})
     stages = allocate_stages(world.real, world.capacity) if solver.integrator == "rk4" else None
     books = any(hasattr(effect, "heat") for effect in effects)
-    return MolecularDynamics(constants, solver.law, solver.k_d is None, INTEGRATORS[solver.integrator], stages, effects, step, books)
+    return MolecularDynamics(
+        constants, solver.law, solver.k_d is None, INTEGRATORS[solver.integrator], run_walls, stages, effects, step, books
+    )

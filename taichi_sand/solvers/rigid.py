@@ -23,6 +23,7 @@ from taichi_sand.world.ledger import settle_work
 from taichi_sand.world.links import pull_links, settle_links
 from taichi_sand.world.motion import drift, with_body
 from taichi_sand.world.movers import feel, place_walls
+from taichi_sand.world.servo import along_course, apart, bear, drives, nobody, weightless
 from taichi_sand.world.sweep import each_grain, each_pair, going, nothing, sweep, sweep_twice, sweeps_join
 from taichi_sand.world.tables import World, fill_struct
 
@@ -110,8 +111,10 @@ def lay_nothing_by(w: ti.template(), s: ti.template(), c: ti.template(), start, 
 
 
 @ti.func
-def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template(), soft: ti.template()):
-    """Solves pair p for its impulse: soft, pushing overlap out, or hard, for the velocity alone. Returns the impulse it carries."""
+def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template(), soft: ti.template(), trial: ti.template()):
+    """Solves pair p for its impulse: soft, pushing overlap out, or hard, for the velocity alone. Returns the impulse it carries, or with
+    `trial` would carry.
+    """
     pairs = ti.static(w.pairs)
     i, j, normal, gap, motion, lever, speed = meeting(w, p, wall)
     carried = pairs.force[p] * c.step
@@ -119,7 +122,7 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     held = carried.x != 0.0 or low < 0.0
     due = held or speed * c.step + gap < 0.0
     if ti.static(not soft):  # faster approaches are left to the impacts of the next step
-        due = held or (speed * c.step + gap < 0.0 and speed >= -c.threshold)
+        due = held or (speed * c.step + gap < 0.0 and (speed >= -c.threshold or weightless(w, p, wall)))
     if due:
         want = pairs.mass[p] * (speed + at_least(0.0, gap) * c.rate)
         if ti.static(soft):
@@ -137,11 +140,13 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
             slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall) + slip_by(w, i, j, new.x - carried.x, arm_i, arm_j, lever, wall)
             bound = ti.select(gap < NEAR * pairs.contact_distance[p], cone(w, s, c, p, wall, new.x - low), 0.0)
             new.y = within(bound, carried.y - pairs.mass_t[p] * slip)
-        give(w, s, i, j, new - carried, normal, arm_i, arm_j, lever, wall)
-        resist_rolling(w, s, c, p, i, j, new.x - low, wall)
+        if ti.static(not trial):
+            give(w, s, i, j, new - carried, normal, arm_i, arm_j, lever, wall)
+            resist_rolling(w, s, c, p, i, j, new.x - low, wall)
         carried = new
-        pairs.force[p] = carried * c.rate
-    elif ti.static(not soft):
+        if ti.static(not trial):
+            pairs.force[p] = carried * c.rate
+    elif ti.static(not soft and not trial):
         if speed < -0.5 * c.threshold and 2.0 * speed * c.step + gap < 0.0:
             w.pace[None].impacts = 1
     return carried
@@ -161,7 +166,8 @@ def draw(w: ti.template(), s: ti.template(), c: ti.template(), p, gap, speed, ca
 @ti.func
 def solve(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
     """First sweep of a step, before the grains move."""
-    project(w, s, c, p, wall, True)
+    if not apart(w, p, wall):
+        project(w, s, c, p, wall, True, False)
 
 
 @ti.func
@@ -177,7 +183,13 @@ def look(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.templ
 @ti.func
 def relax(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
     """Second sweep, where the grains have moved to; lays by what the pair carries for the next step."""
-    carried = project(w, s, c, p, wall, False)
+    if not apart(w, p, wall):
+        keep(w, s, c, p, project(w, s, c, p, wall, False, False), wall)
+
+
+@ti.func
+def keep(w: ti.template(), s: ti.template(), c: ti.template(), p, carried, wall: ti.template()):
+    """Lays by the impulse that pair p carries for the next step."""
     goal = REFERENCE_SHARE * at_least(0.0, carried.x) * c.rate
     crept = s.reference[p] + c.reference_rate * (goal - s.reference[p])
     s.reference[p] = ti.select(crept < goal, crept, goal)
@@ -188,6 +200,53 @@ def relax(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.temp
         stiffness = c.bias_rate * c.rate * c.mass_scale / c.impulse_scale * pairs.mass[p]
         felt = at_least(-gap, (s.reference[p] / stiffness - gap) / UNLOADED)
     feel(w, s, c, p, gap + pairs.contact_distance[p], pairs.normal[p], carried * c.rate, felt, wall)
+
+
+@ti.func
+def press(w: ti.template(), s: ti.template(), c: ti.template(), p, m, soft: ti.template()):
+    """The impulse by which wall pair p would resist the course of wall m as that runs now [N s], and by how much that grows with its
+    speed [kg].
+    """
+    pairs = ti.static(w.pairs)
+    new = project(w, s, c, p, True, soft, True)
+    gain = ti.select(new.x > 0.0, pairs.mass[p], 0.0)
+    if ti.static(soft):
+        gain *= c.mass_scale
+    elif s.reference[p] > 0.0:
+        gain *= OVER_RELAXATION
+    if ti.static(not w.turns):
+        gain *= w.movers.way[m].dot(pairs.normal[p]) ** 2
+    return ti.Vector([along_course(w, m, new, pairs.normal[p]), gain])
+
+
+@ti.func
+def press_softly(w: ti.template(), s: ti.template(), c: ti.template(), p, m, time):
+    """The same in the first sweep."""
+    return press(w, s, c, p, m, True)
+
+
+@ti.func
+def press_hard(w: ti.template(), s: ti.template(), c: ti.template(), p, m, time):
+    """The same in the second one."""
+    return press(w, s, c, p, m, False)
+
+
+@ti.func
+def solve_driven(w: ti.template(), s: ti.template(), c: ti.template(), p):
+    """Solves pair p of a wall with `force`."""
+    project(w, s, c, p, True, True, False)
+
+
+@ti.func
+def relax_driven(w: ti.template(), s: ti.template(), c: ti.template(), p):
+    """The same in the second sweep."""
+    project(w, s, c, p, True, False, False)
+
+
+@ti.func
+def keep_driven(w: ti.template(), s: ti.template(), c: ti.template(), p):
+    """Lays by what it carries."""
+    keep(w, s, c, p, w.pairs.force[p] * c.step, True)
 
 
 @ti.func
@@ -221,7 +280,12 @@ def step(w: ti.template(), s: ti.template(), impacts: ti.template()):
     else:
         if ti.static(not impacts):
             each_grain(w, kick, s, c)
-        sweep(w, (solve,), move, s, c, going)
+        if ti.static(drives(w)):
+            sweep(w, (solve,), nothing, s, c, going)
+            bear(w, s, c, press_softly, solve_driven, nobody, True)
+            each_grain(w, move, s, c)
+        else:
+            sweep(w, (solve,), move, s, c, going)
         if ti.static(w.moves):
             place_walls(w, 1.0, 0.5)
         if ti.static(w.layout == "cells"):
@@ -229,6 +293,8 @@ def step(w: ti.template(), s: ti.template(), impacts: ti.template()):
             sweep(w, (relax,), nothing, s, c, going)
         else:
             sweep(w, (look, relax), nothing, s, c, going)
+        if ti.static(drives(w)):
+            bear(w, s, c, press_hard, relax_driven, keep_driven, False)
 
 
 def numbers(scene: Any, bed: Bed) -> dict[str, float]:

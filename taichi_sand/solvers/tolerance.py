@@ -171,7 +171,8 @@ def stiffness_for(tolerance: float, bed: Bed, pressed: float) -> float:
     """Md: force over overlap [N/m] for the bed at rest, in which contacts bear `pressed` [N], for its fastest grains, and for its flow."""
     overlap, fast = tolerance * bed.diameter, max(bed.fast, bed.drive)
     rest = pressed / overlap
-    impact = max(0.5 * bed.mass * (fast / dent(tolerance, bed)) ** 2, bed.solid * (fast / MOST_DENT) ** 2)
+    energy = max(0.5 * bed.mass * fast**2, bed.ram)
+    impact = max(energy / dent(tolerance, bed) ** 2, bed.solid * (fast / MOST_DENT) ** 2)
     flow = 0.5 * bed.mass * (math.pi * bed.flow / (FLOW_SOFTNESS * overlap)) ** 2
     return max(rest, impact, flow, SOFTEST * bed.mass) if rest or impact else 1e4 * bed.mass
 

@@ -137,7 +137,7 @@ def make_world(
     `extra` columns of the pair table follow a pair; `carried` names the columns that follow a grain, and what a grain starts with;
     effects act on grains up to `reach` [d] apart, and tie the grains `links` (n, 2) together.
     """
-    layout, moves = layout_of(gpu, len(pack)), bool(moving_walls(scene))
+    layout, moves, driven = layout_of(gpu, len(pack)), bool(moving_walls(scene)), any(wall.force for wall in scene.walls)
     real, capacity = ti.f64 if scene.solver.precision == 64 else ti.f32, round_up(len(pack) + room + 1)
     lengths, boulders = lengths_of(scene, pack, reach, sleeps)
     diameter, sight = lengths["diameter"], lengths["largest"] / 2 + MOST_REACH * lengths["diameter"] + lengths["bridge"]
@@ -149,10 +149,10 @@ def make_world(
     wall_half, wall_base = wall_rows * capacity, rows * (capacity + lanes * min(blocks, STRIPS)) + boulders
     world = World(
         grains=allocate_grains(real, capacity, pack.clumps),
-        pairs=allocate_pairs(real, capacity, wall_base + wall_half, wall_half, extra, 3 if sleeps else 2, pack.clumps, moves),
+        pairs=allocate_pairs(real, capacity, wall_base + wall_half, wall_half, extra, 3 if sleeps else 2, pack.clumps, moves, driven),
         blocks=allocate_blocks(blocks + (sleeps or boulders > 0), lanes),
         grid=allocate_grid(real, capacity, cells, most_summed(layout, sleeps, cells, capacity, sites)),
-        **lay_walls(scene, pack, spacing, sites, sight, wall_room, gpu, real),
+        **lay_walls(scene, spacing, sites, sight, wall_room, gpu, real),
         **build_flow(scene, real),
         pace=fields.record(pace_type(real)),
         flags=flags.allocate(),

@@ -1,9 +1,9 @@
 """Walls that move: their clocks, where they are, how fast, and the lattice sites they are felt from.
 
 Every moving wall has a clock, and is where the scene says it is at the time that its clock shows (scene.moving). The clock keeps
-simulated time, unless grains are jammed in the way: a wall without `force` then slows down, waits and yields; one with `force` has a
-motor that pushes with that force at rest, less the faster it runs, and with none at the speed that the scene asks for. Since the last
-search a wall has turned and shifted a little; its parts are listed anew, by lattice site, in every search.
+simulated time, unless grains are jammed in the way: a wall without `force` then slows down, waits and yields; one with `force` runs
+as that and what it meets make it (world.servo). Since the last search a wall has turned and shifted a little; its parts are listed
+anew, by lattice site, in every search.
 """
 
 from collections.abc import Sequence
@@ -15,17 +15,10 @@ import taichi as ti
 from taichi_sand.scene import moving
 from taichi_sand.world import fields
 from taichi_sand.world.flags import WALL_PAIRS_FULL, WALL_WAITS, flag
-from taichi_sand.world.geometry import at_least, at_most, carried_along, perp
+from taichi_sand.world.geometry import at_least, carried_along
 from taichi_sand.world.ledger import drive
 from taichi_sand.world.tables import round_up, site_rows, write_rows
 
-UNIT = 1 << 16
-"""Whole number that stands for a motor's full force: whole numbers can be summed in any order."""
-MOST_PUSH = 1000.0
-"""No contact counts for more than this times the full force."""
-RESPONSE = 0.02
-"""Time in which a motor gets up to speed [s], at least; and so much that it has the inertia of HEAVIER rows of grains."""
-HEAVIER = 4.0
 JAMMED, TOLERANCES = 0.06, {"md": 3.0, "rigid": 1.5}
 """Overlap with a wall at which it slows down: in mean diameters, or, if that is more, in tolerances. It waits at a quarter as much
 again, and yields from half as much again on: if it did not wait in between, it would follow the grains about for good. Rigid grains
@@ -35,6 +28,9 @@ HIT = {"md": 1.0, "rigid": 0.0}
 sends through a bed is on its way; impacts of rigid ones are answered within a step."""
 BLUR = {"md": 20.0, "rigid": 1.0}
 """Steps over which that overlap is averaged: soft grains that hit a wall overlap for as long as a collision lasts, which is no jam."""
+
+
+SCALARS = ("lever", "force", "mass", "speed", "since", "rate", "onward", "phase", "press", "strain")
 
 
 class Movers(NamedTuple):
@@ -48,18 +44,20 @@ class Movers(NamedTuple):
     amplitude: Any  # 2-vector [m], wide
     omega: Any  # [rad/s], wide
     lever: Any  # of the farthest point [m]
-    power: Any  # of the motor: its force times its speed [W]; 0 = none
-    response: Any  # of the motor [s]
+    force: Any  # that it is driven with [N]; 0 = it has none, and moves as the scene has it
+    mass: Any  # of a wall with force [kg]
+    way: Any  # its course, a unit 2-vector
+    speed: Any  # along it at rate 1 [m/s]
     age: Any  # what the clock showed at the last search [s], wide
     since: Any  # what it has gone on since [s]
-    rate: Any  # how fast it goes
+    rate: Any  # how fast it goes in this step
+    onward: Any  # how fast a wall with force goes into the next one
     hinge: Any  # where the pivot was at the last search [m], 2-vector
     phase: Any  # of the shaking then [rad]
     start: Any  # motion then: velocity of the pivot x, y and spin, 0; 4-vector
     pose: Any  # cosine and sine of the turn, and the shift of the pivot, since; 4-vector
     course: Any  # motion that the scene asks for now
     twist: Any  # motion now
-    push: Any  # power that contacts take from the motor in this step, of UNIT; i32
     press: Any  # deepest overlap that it drives at in this step, as the solver counts it [m]
     strain: Any  # its average [m]
     jam: Any  # 0-D: average at which a wall without a motor slows down [m]
@@ -73,19 +71,20 @@ class Movers(NamedTuple):
     next: Any  # the entry before, from row `first` of the walls on; shape (entries,), i32
     site: Any  # its site
     count: Any  # 0-D i32: entries in use
+    first: Any  # 0-D i32: a row of the pair table of a wall with force, -1 = none; see Pairs.driven
+    driven: bool  # whether any wall has a force
 
 
-def allocate_movers(real: Any, wide: Any, walls: int, every: int, parts: int, sites: tuple[int, int], entries: int) -> Movers:
+def allocate_movers(real: Any, wide: Any, walls: int, every: int, parts: int, sites: tuple[int, int], entries: int, driven: bool) -> Movers:
     """Empty tables for so many moving walls, parts of all walls, parts that move, lattice sites and entries."""
     walls, parts = round_up(walls), round_up(parts)
-    pairs = {"velocity": wide, "pivot": wide, "amplitude": wide, "hinge": real}
+    pairs = {"velocity": wide, "pivot": wide, "amplitude": wide, "hinge": real, "way": real}
     columns: dict[str, Any] = {name: fields.vectors(2, kind, walls) for name, kind in pairs.items()}
     columns |= {name: fields.vectors(4, real, walls) for name in ("start", "pose", "course", "twist")}
     columns |= {name: fields.scalars(wide, walls) for name in ("spin", "omega", "age")}
-    columns |= {name: fields.scalars(real, walls) for name in ("lever", "power", "response", "since", "rate", "phase", "press", "strain")}
+    columns |= {name: fields.scalars(real, walls) for name in SCALARS}
     columns |= {
-        **{name: fields.scalars(ti.i32, ()) for name in ("walls", "parts", "count")},
-        "push": fields.scalars(ti.i32, walls),
+        **{name: fields.scalars(ti.i32, ()) for name in ("walls", "parts", "count", "first")},
         "jam": fields.scalars(real, ()),
         "blur": fields.scalars(real, ()),
         "wall": fields.scalars(ti.i32, every),
@@ -93,14 +92,15 @@ def allocate_movers(real: Any, wide: Any, walls: int, every: int, parts: int, si
     columns |= {"part": fields.scalars(ti.i32, parts), "side": fields.scalars(ti.i32, parts), "home": fields.vectors(4, wide, parts)}
     columns |= {"bounds": fields.vectors(2, wide, parts), "head": fields.scalars(ti.i32, site_rows(sites))}
     columns |= {name: fields.scalars(ti.i32, entries) for name in ("next", "site")}
-    return Movers(**columns)
+    return Movers(**columns, driven=driven)
 
 
-def set_out(movers: Movers, walls: Sequence[Any], row_mass: Sequence[float]) -> None:
-    """All clocks at 0, for these moving [[walls]]; `row_mass` [kg] is that of a row of grains along each."""
+def set_out(movers: Movers, walls: Sequence[Any]) -> None:
+    """All clocks at 0, for these moving [[walls]]; one with a mass starts from rest."""
     shakes = [moving.shaking(wall) for wall in walls]
     speeds = np.array([np.hypot(*wall.velocity) for wall in walls])
-    force = np.array([wall.force or 0.0 for wall in walls])
+    velocities = np.array([wall.velocity for wall in walls])
+    rates = np.array([0.0 if wall.mass else 1.0 for wall in walls])
     columns = {
         "velocity": [wall.velocity for wall in walls],
         "spin": [wall.spin for wall in walls],
@@ -108,14 +108,18 @@ def set_out(movers: Movers, walls: Sequence[Any], row_mass: Sequence[float]) -> 
         "amplitude": [amplitude for amplitude, _ in shakes],
         "omega": [omega for _, omega in shakes],
         "lever": [moving.lever(wall) for wall in walls],
-        "power": force * speeds,
-        "response": np.maximum(RESPONSE, HEAVIER * np.array(row_mass) * speeds / np.where(force > 0, force, np.inf)),
-        "rate": np.where(force > 0, 0.0, 1.0),
+        "force": [wall.force or 0.0 for wall in walls],
+        "mass": [wall.mass or 0.0 for wall in walls],
+        "way": velocities / np.maximum(speeds, 1e-30)[:, None],
+        "speed": speeds,
+        "rate": rates,
+        "onward": rates,
         "head": np.full(movers.head.shape[0], -1),
     }
     for name, values in columns.items():
         write_rows(getattr(movers, name), np.array(values))
     movers.walls[None] = len(walls)
+    movers.first[None] = -1
 
 
 def hours(movers: Movers) -> np.ndarray:
@@ -151,12 +155,13 @@ def place_walls(w: ti.template(), ahead, lead):
             phase = movers.phase[m] + movers.omega[m] * (movers.since[m] + lead * step)
             movers.course[m] = ti.cast(motion_at(movers, m, phase), w.real)
             movers.twist[m] = ti.cast(movers.rate[m], w.real) * movers.course[m]
-            movers.push[m], movers.press[m] = 0, 0.0
+            movers.press[m] = 0.0
 
 
 @ti.func
 def feel(w: ti.template(), s: ti.template(), c: ti.template(), p, distance, normal, force, press, wall: ti.template()):
-    """Notes what contact p presses on a wall in this step, if that moves: `force` (normal, tangential) on it [N], `press` [m] deep.
+    """Notes how deep, `press` [m], contact p is pressed by a wall that moves without a force, and what a wall does with `force` [N]
+    (normal, tangential) on it.
 
     That counts as far as the wall drives against the grain: one that slides along below a heavy bed is not held up by it.
     """
@@ -164,14 +169,9 @@ def feel(w: ti.template(), s: ti.template(), c: ti.template(), p, distance, norm
     if ti.static(wall and w.moves):
         movers = ti.static(w.movers)
         m = movers.wall[w.pairs.second[p]]
-        if m >= 0 and force.x > 0.0:
-            if movers.power[m] > 0.0:
-                v = ti.cast(movers.velocity[m], w.real)
-                taken = -(force.x * v.dot(normal) + force.y * v.dot(perp(normal))) / movers.power[m]
-                ti.atomic_add(movers.push[m], ti.cast(ti.round(ti.max(-MOST_PUSH, ti.min(MOST_PUSH, taken)) * UNIT), ti.i32))
-            else:
-                to = carried_along(w, p, w.pairs.first[p], m, distance, normal, movers.course[m])
-                ti.atomic_max(movers.press[m], press * at_least(0.0, -to.dot(normal)) / at_least(1e-9, to.norm()))
+        if m >= 0 and force.x > 0.0 and movers.force[m] == 0.0:
+            to = carried_along(w, p, w.pairs.first[p], m, distance, normal, movers.course[m])
+            ti.atomic_max(movers.press[m], press * at_least(0.0, -to.dot(normal)) / at_least(1e-9, to.norm()))
 
 
 @ti.func
@@ -181,10 +181,8 @@ def close_walls(w: ti.template()):
     pace = w.pace[None]
     for m in range(movers.walls[None]):
         movers.since[m] += movers.rate[m] * pace.step
-        if movers.power[m] > 0.0:
-            push = ti.cast(movers.push[m], w.real) / UNIT
-            goal = ti.max(-1.0, ti.min(1.0, 1.0 - push))
-            movers.rate[m] += at_most(0.25, pace.step / movers.response[m]) * (goal - movers.rate[m])
+        if movers.force[m] > 0.0:
+            movers.rate[m] = movers.onward[m]
         else:
             movers.strain[m] += (movers.press[m] - movers.strain[m]) / movers.blur[None]
             jam = movers.strain[m] / movers.jam[None]
@@ -207,7 +205,7 @@ def held_up(w: ti.template()):
     waits = False
     if ti.static(w.moves):
         for m in range(w.movers.walls[None]):
-            waits = waits or (w.movers.power[m] == 0.0 and w.movers.rate[m] < 1.0)
+            waits = waits or (w.movers.force[m] == 0.0 and w.movers.rate[m] < 1.0)
     return waits
 
 

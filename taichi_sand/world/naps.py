@@ -141,8 +141,9 @@ def call_by_walls(w: ti.template()):
 
 @ti.func
 def moves_on(w: ti.template(), e):
-    """Whether the wall of entry e of those that can move does."""
-    return w.movers.rate[w.movers.wall[w.walls.part[w.walls.room + e]]] != 0.0
+    """Whether the wall of entry e of those that can move does, or may at any time."""
+    m = w.movers.wall[w.walls.part[w.walls.room + e]]
+    return w.movers.rate[m] != 0.0 or w.movers.force[m] > 0.0
 
 
 @ti.func

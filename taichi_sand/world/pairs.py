@@ -16,6 +16,7 @@ from taichi_sand.world.movers import cast_walls, start_walls
 from taichi_sand.world.naps import call, call_by_walls, settle, site_of, translate
 from taichi_sand.world.near import list_range, may_meet
 from taichi_sand.world.scan import running_sums
+from taichi_sand.world.servo import drives, link_driven
 from taichi_sand.world.tables import CHUNK, FAR, STRIPS
 from taichi_sand.world.wall_pairs import list_walls
 
@@ -278,6 +279,8 @@ def search(w: ti.template()):
     else:
         for b in range(w.grid.columns[None] * w.grid.rows[None]):
             list_block(w, b)
+    if ti.static(drives(w)):
+        link_driven(w)
     if ti.static(w.sleeps):
         settle(w)
 

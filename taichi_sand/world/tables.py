@@ -91,6 +91,7 @@ class Pairs(NamedTuple):
     bounds: Any  # wall pairs: how far the foot point may slide along the wall; of an end the second direction that leads off
     side: Any  # wall pairs: side of the wall the grain is on, +1 left of `along`, -1 right; 0 = an end of a wall
     hinge: Any  # wall pairs, if walls move: from the grain's centre to the pivot of the wall at the last search [m]
+    driven: Any  # wall pairs, if walls have a force: the next row of such a wall, -1 = this was the last; i32
     discs: Any  # clumps only, as all that follow: number of the first grain's disc times clumps.MOST, plus that of the second's, i32
     arms: Any  # of the two discs, each in the frame of its grain [m], 4-vector
     rims: Any  # their radii [m], 2-vector
@@ -231,7 +232,9 @@ def allocate_grains(real: Any, rows: int, clumps: bool) -> Grains:
     return Grains(*columns)
 
 
-def allocate_pairs(real: Any, capacity: int, half: int, wall_half: int, extra: int, parts: int, clumps: bool, moves: bool) -> Pairs:
+def allocate_pairs(
+    real: Any, capacity: int, half: int, wall_half: int, extra: int, parts: int, clumps: bool, moves: bool, driven: bool
+) -> Pairs:
     """Empty pair table of two halves, or with sleepers three parts, for `capacity` grains, with `extra` columns that follow a pair from
     search to search, as its force does: what is read between a search and the next step is then still what the pair carries.
     """
@@ -255,6 +258,7 @@ def allocate_pairs(real: Any, capacity: int, half: int, wall_half: int, extra: i
         bounds=fields.vectors(2, real, parts * wall_half),
         side=fields.scalars(real, parts * wall_half),
         hinge=fields.vectors(2, real, parts * wall_half) if moves else None,
+        driven=fields.scalars(ti.i32, parts * wall_half) if driven else None,
         discs=fields.scalars(ti.i32, rows) if clumps else None,
         arms=fields.vectors(4, real, rows) if clumps else None,
         rims=fields.vectors(2, real, rows) if clumps else None,

@@ -1,5 +1,6 @@
 """From the [[walls]] of a scene to the tables of the world, at the start and while it runs."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -66,6 +67,16 @@ def shortest_shake(scene: Any) -> float:
     return min((1 / wall.shake.frequency for wall in scene.walls if wall.shake), default=float("inf"))
 
 
+def wall_loads(scene: Any, pack: Pack) -> dict[str, float]:
+    """What walls with `force` load the grains of `pack` with, as members of a bed: spread over the columns of grains that a wall spans."""
+    driven, count = [wall for wall in scene.walls if wall.force], max(1, len(pack))
+    diameter = 2 * float(pack.size.mean()) if len(pack) else math.inf
+    columns = [min(count, max(1.0, moving.breadth(wall) / diameter)) for wall in driven]
+    thrust = max((wall.force / spread for wall, spread in zip(driven, columns, strict=True)), default=0.0)
+    energy = max((0.5 * (wall.mass or 0.0) * math.hypot(*wall.velocity) ** 2 for wall in driven), default=0.0)
+    return {"thrust": thrust, "ram": energy / count}
+
+
 def check_speeds(scene: Any, cap: float) -> None:
     """SandError if a wall moves faster than can be followed, `cap` [m/s]."""
     for index, wall in enumerate(scene.walls):
@@ -85,7 +96,6 @@ def set_patience(world: World, scene: Any, cap: float) -> None:
 
 def lay_walls(
     scene: Any,
-    pack: Pack,
     spacing: tuple[float, float],
     sites: tuple[int, int],
     reach: float,
@@ -96,20 +106,19 @@ def lay_walls(
     """Tables of still and moving walls, felt up to `reach` [m] from a centre, with room for `room` entries of still ones."""
     parts = wall_parts(scene)
     walls = build_walls(parts, spacing, sites, reach, real, room)
-    movers = build_movers(scene, parts, walls, sites, pack, gpu, real)
+    movers = build_movers(scene, parts, walls, sites, gpu, real)
     return {"walls": walls, "movers": movers, "moves": movers is not None}
 
 
-def build_movers(scene: Any, parts: list[Part], walls: Any, sites: tuple[int, int], pack: Pack, gpu: bool, real: Any) -> Movers | None:
+def build_movers(scene: Any, parts: list[Part], walls: Any, sites: tuple[int, int], gpu: bool, real: Any) -> Movers | None:
     """The tables of the walls of `scene` that move; None if none does."""
     found = moving_walls(scene)
     if not found:
         return None
     count, entries = sum(part.mover >= 0 for part in parts), walls.part.shape[0] - walls.room
-    movers = allocate_movers(real, real if gpu else ti.f64, len(found), part_room(walls.room, parts), count, sites, entries)
-    grain = (float(pack.mass.mean()), 2 * float(pack.size.mean())) if len(pack) else (0.0, 1.0)
-    lengths = [np.hypot(*np.diff(moving.corners(wall), axis=0).T).sum() for wall in found]
-    set_out(movers, found, [grain[0] * (1 + length / grain[1]) for length in lengths])
+    driven = any(wall.force for wall in found)
+    movers = allocate_movers(real, real if gpu else ti.f64, len(found), part_room(walls.room, parts), count, sites, entries, driven)
+    set_out(movers, found)
     write_parts(movers, parts)
     return movers
 

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from helpers import D, Disc, G, M, R, kinetic, simulate
 
+from taichi_sand.world.wall_scene import standing_walls
+
 K = 2e6
 T_C = math.pi * math.sqrt(M / 2 / K)
 SOLVERS = {
@@ -85,3 +87,18 @@ def test_heat_spreads_as_it_should() -> None:
     assert found.sum() == pytest.approx(1.0, abs=1e-9)
     assert (found * x**2).sum() / (2 * 2.5) == pytest.approx(rate * D**2 / 2, rel=0.02)
     assert (found * x).sum() == pytest.approx(0.0, abs=0.05 * D)
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_work_of_a_wall_with_force_is_found_again(name: str) -> None:
+    """A wall without mass pushes a disc with F from the start, onto the floor: F times its way is motion, held by springs, or heat."""
+    force, disc = 0.5, Disc(0.1, R + 0.006)
+    top = disc.y + R
+    lid = {"points": [[0.0, top + 1e-7], [0.2, top + 1e-7]], "velocity": [0.0, -0.5], "force": force}
+    sim = simulate([disc], (0.2, 0.2), SOLVERS[name], effects={"heat": {"capacity": CAPACITY}}, walls=[lid])
+    for _ in range(6):
+        sim.advance(0.025)
+        way = top - standing_walls(sim.world, sim.scene)[0][0, 1]
+        stored = held(sim) if name == "md" else 0.0
+        assert kinetic(sim, [disc]) + stored + heat(sim, [disc]) == pytest.approx(force * way, rel=0.01)
+    assert way > 0.0059
