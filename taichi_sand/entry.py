@@ -4,35 +4,35 @@ import contextlib
 import functools
 import threading
 from collections.abc import Callable, Iterator
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, TypeVar, cast
 
 from taichi_sand.scene.errors import SandError
 from taichi_sand.world.turns import turn
 
-P, R, S = ParamSpec("P"), TypeVar("R"), TypeVar("S", bound=Any)
+M = TypeVar("M", bound=Callable[..., Any])
 
 
-def reads(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
+def reads(method: M) -> M:
     """A method that looks at the simulation: between two launches, if another thread is advancing it."""
 
     @functools.wraps(method)
-    def looking(self: S, /, *args: P.args, **kwargs: P.kwargs) -> R:
+    def looking(self: Any, /, *args: Any, **kwargs: Any) -> Any:
         with turn:
             return method(self, *args, **kwargs)
 
-    return looking
+    return cast("M", looking)
 
 
-def changes(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
+def changes(method: M) -> M:
     """A method that changes it: SandError if another thread is advancing it."""
 
     @functools.wraps(method)
-    def changing(self: S, /, *args: P.args, **kwargs: P.kwargs) -> R:
+    def changing(self: Any, /, *args: Any, **kwargs: Any) -> Any:
         with turn:
             check_runner(self)
             return method(self, *args, **kwargs)
 
-    return changing
+    return cast("M", changing)
 
 
 def check_runner(sim: Any) -> None:

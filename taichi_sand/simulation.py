@@ -14,14 +14,14 @@ from taichi_sand import live, marching
 from taichi_sand.clock import Clock
 from taichi_sand.entry import changes, running
 from taichi_sand.keeping import Keeping
+from taichi_sand.looking import Looking
 from taichi_sand.readings import Readings
 from taichi_sand.scene import loading
 from taichi_sand.scene.errors import SandError, show
 from taichi_sand.scene.packing import pack
 from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers import choose
-from taichi_sand.solvers.bed import DENSE, EARTH, REST, Bed, bed_of, depth_of
-from taichi_sand.solvers.tolerance import follows_tolerance
+from taichi_sand.solvers.bed import Bed, bed_of
 from taichi_sand.tuning import Tuning
 from taichi_sand.world import census, device, fields, sources
 from taichi_sand.world import hand as hands
@@ -35,16 +35,12 @@ LEAST_ROOM = 1000
 """Room for grains that a user adds by hand."""
 WALL_ROOM = (4096, 65536)
 """Room for entries of walls (a grain's width of wall has some five), without and with a hand that may draw them."""
-LOOK, GROWTH = 0.25 / math.sqrt(0.01 / EARTH), 1.2
-"""Simulated time between two looks at the pile, in sqrt(d / g), 0.25 s for grains of 1 cm; and by how much it must have grown in depth for
-stiffness and step to follow."""
-
 
 MOST_STEPS = 2**31 - 1
 """That a simulation counts."""
 
 
-class Simulation(Tuning, Keeping, Readings):
+class Simulation(Tuning, Looking, Keeping, Readings):
     """A scene in motion.
 
     Args:
@@ -226,59 +222,6 @@ class Simulation(Tuning, Keeping, Readings):
         if made:
             self.made += made
             self.renew()
-
-    def _look_every(self) -> int:
-        return max(1, math.floor(LOOK * self.bed.moment / self.step))
-
-    def _steps_to_look(self) -> int:
-        """Steps until the next look at the depth, counted from when the step last changed."""
-        return self._look_every() - (self.steps - self.epoch[0]) % self._look_every()
-
-    def _look(self) -> None:
-        """Stiffness and step follow the depth of a pile that has grown, what the contacts of one at rest show, how fast grains are, and
-        how fast they flow.
-        """
-        if not self.count or self._sleepy():
-            return
-        if self.bed.gravity:
-            self.bed = self._deeper(self.bed)
-        unit = math.sqrt(self.bed.gravity * self.bed.diameter)
-        share, deep, fastest = census.strained(self.world, self.scene.solver.tolerance * self.bed.diameter, REST * unit)
-        if self.bed.gravity and follows_tolerance(self.scene.solver):
-            self.bed = self.bed.seen(share, deep)
-        self.bed = self.bed.moving(fastest, census.flow(self.world, DENSE) if share > 0.01 else 0.0)
-        self._keep_up()
-
-    def _hasten(self) -> None:
-        """Stiffness and step follow a grain that is faster than they are made for."""
-        *_, fastest = census.strained(self.world, 0.0, 0.0)
-        self.bed = self.bed.outrun(fastest)
-        self._keep_up()
-
-    def _keep_up(self) -> None:
-        """Stiffness and step are those for the bed as it is."""
-        self.world.pace[None].hasty = 0
-        if choose(self.scene.solver.kind).numbers(self.scene, self.bed) != self.numbers:
-            self._adopt(self.scene, self.bed, self.over)
-
-    def _deeper(self, bed: Bed) -> Bed:
-        """The bed as deep as it is now, if it has grown."""
-        numbers, whole = census.places(self.world)
-        free = whole[:, 2] == 0
-        if free.any():
-            radius = numbers[:, 2] * self.sizes[whole[:, 1]]
-            depth, load = depth_of(numbers[free, :2], radius[free], 1 / numbers[free, 3], self.scene.gravity)
-            if depth > GROWTH * bed.depth or load > GROWTH * bed.load:
-                return replace(bed, depth=max(depth, bed.depth), load=max(load, bed.load))
-        return bed
-
-    def _sleepy(self) -> bool:
-        """Whether this look can be left out: with few awake a pile grows more slowly, with nobody not at all."""
-        if not self.world.sleeps:
-            return False
-        awake = self.world.naps.state[None].awake
-        number = (self.steps - self.epoch[0]) // self._look_every()
-        return not awake or number % max(1, math.floor((GROWTH - 1) * self.count / awake)) != 0
 
     @changes
     def renew(self) -> None:

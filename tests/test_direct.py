@@ -1,5 +1,7 @@
 """Fields read and written where they lie in memory: the same numbers as by Taichi's own kernels."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 import taichi as ti
@@ -10,6 +12,13 @@ from taichi_sand.world import device, direct, fields
 
 class User:
     """Somebody who starts Taichi."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def nothing_left() -> Iterator[None]:
+    """Fields of a test, which kernels hold, would keep Taichi from being started afresh."""
+    yield
+    ti.reset()
 
 
 @pytest.fixture

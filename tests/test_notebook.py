@@ -1,5 +1,6 @@
 """In a notebook: makes, advances, is interrupted, shows pictures, closes, as cells of a kernel of Jupyter."""
 
+import asyncio
 import threading
 import time
 from pathlib import Path
@@ -20,7 +21,7 @@ print(sim.count)
 """
 ENDLESS = """
 open("endless", "w").close()
-sim.advance(3600.0)
+sim.advance(1e5)
 """
 AFTER = """
 reached = sim.steps
@@ -72,7 +73,7 @@ def test_cells(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             time.sleep(0.05)
         time.sleep(0.3)
         answered.append(time.perf_counter())
-        client.km.interrupt_kernel()
+        asyncio.run(client.km.interrupt_kernel())
 
     with client.setup_kernel():
         for number, cell in enumerate(cells):

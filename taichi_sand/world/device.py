@@ -108,6 +108,8 @@ def misfit(arch: str, threads: int | None, precision: int) -> str:
         return f"default_fp = ti.{config.default_fp}, and ti.{real(precision)} is needed for solver.precision = {precision}"
     if threads and arch == "cpu" and config.cpu_max_num_threads != threads:
         return f"cpu_max_num_threads = {config.cpu_max_num_threads}, and --threads {threads} is needed"
+    if state.ours:
+        return ""  # the rest is as we, and the environment, have it
     for name in ["debug", *dir(config)]:  # others follow from the first
         if name.startswith("_") or name in ANY or name.startswith(ANY_OF):
             continue
