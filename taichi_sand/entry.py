@@ -41,12 +41,16 @@ def check_runner(sim: Any) -> None:
         raise SandError("another thread is advancing this simulation: wait until it has, or use one simulation a thread")
 
 
+guard = threading.Lock()
+"""Of who looks whether another thread is advancing a simulation, to do so itself."""
+
+
 @contextlib.contextmanager
 def running(sim: Any) -> Iterator[None]:
     """While this thread advances `sim`; SandError if another one does."""
     me, before = threading.get_ident(), None
     try:
-        with turn:  # at whose end an interrupt may come
+        with guard:  # at whose end an interrupt may come
             check_runner(sim)
             before, sim.runner = sim.runner, me
         yield

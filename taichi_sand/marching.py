@@ -157,9 +157,14 @@ def renew(world: Any, solver: Any) -> None:
         ti.sync()
 
 
+def now(record: Any, name: str) -> Any:
+    """One number of a 0-D struct: `record[None]` takes 0.2 ms where there are as many as in the pace."""
+    return record.get_member_field(name)[None]
+
+
 def awake(world: Any) -> int:
     """Grains that are computed."""
-    return int(world.naps.state[None].awake if world.sleeps else world.count[None])
+    return int(now(world.naps.state, "awake") if world.sleeps else world.count[None])
 
 
 def march(world: Any, solver: Any, done: int, end: int) -> None:
@@ -175,12 +180,12 @@ def march_in_one(world: Any, solver: Any, done: int, end: int) -> None:
     while steps_in_one(world, solver, end - done, most) == DROWSY:
         rearrange(world, solver)
         renew(world, solver)
-        done = world.pace[None].done
+        done = now(world.pace, "done")
 
 
 def march_alone(world: Any, solver: Any, done: int, end: int) -> None:
     """The same with launches of single steps."""
-    every, looked, start, before = world.pace[None].watch, done, time.perf_counter(), done
+    every, looked, start, before = now(world.pace, "watch"), done, time.perf_counter(), done
     calms, impacts = may_be_calm(world, solver), world.pace.get_member_field("impacts")
     while True:
         spent, done, hasty = progress(world)
@@ -189,7 +194,7 @@ def march_alone(world: Any, solver: Any, done: int, end: int) -> None:
             looked = done
         if spent:
             search_now(world)
-        if world.sleeps and world.naps.state[None].due:
+        if world.sleeps and now(world.naps.state, "due"):
             rearrange(world, solver)
             renew(world, solver)
             continue

@@ -180,10 +180,11 @@ class Simulation(Tuning, Looking, Keeping, Readings):
         count = steps_of(count)
         with running(self):
             end = self.steps + count
-            with turn:
-                if self.hand and self.world.sleeps and self.hand.now[None].work:
-                    wake(self.world)
-                    marching.renew(self.world, self.solver)
+            if self.hand and self.world.sleeps:
+                with turn:
+                    if self.hand.now[None].work:
+                        wake(self.world)
+                        marching.renew(self.world, self.solver)
             while self.steps < end:
                 with turn:
                     self._advance_to(end)
@@ -196,7 +197,7 @@ class Simulation(Tuning, Looking, Keeping, Readings):
         before, start = self.steps, time.perf_counter()
         with self.clock.stage("march"):
             self._march(part)
-        self.steps = int(self.world.pace[None].done)
+        self.steps = int(marching.now(self.world.pace, "done"))
         self.clock.count(self.count, self.steps - before, self.step)
         self.cadence.took(self.steps - before, time.perf_counter() - start)
         for act, every in pauses:
@@ -204,7 +205,7 @@ class Simulation(Tuning, Looking, Keeping, Readings):
                 with self.clock.stage("effects"):
                     act(self.world, self.solver)
         with self.clock.stage("look"):
-            if self.world.pace[None].hasty:
+            if marching.now(self.world.pace, "hasty"):
                 self._hasten()
             elif self._steps_to_look() == self._look_every():
                 self._look()
