@@ -12,7 +12,8 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -21,15 +22,32 @@ from typing import Any
 import numpy as np
 from hypothesis import HealthCheck, Phase, assume, given, settings
 from hypothesis import strategies as st
-from typer.testing import CliRunner
 
 import taichi_sand as sand
-from taichi_sand import cli, effects
+from taichi_sand import effects
 from taichi_sand.scene.parameters import Parameter
 from taichi_sand.study.laboratory import fresh_taichi
+from taichi_sand.tampering import (
+    ROWS,
+    SAMPLE,
+    arrays_of,
+    broken,
+    check_checkpoint,
+    check_files,
+    check_recording,
+    checkpoint_bytes,
+    recorded_lines,
+    retold,
+    tampered,
+    to_archive,
+    with_hash,
+    within_limits,
+)
 
 SECONDS, MOST_STEPS = 0.3, 1500
 """How long a scene is simulated, and by how many steps at most: stiff contacts of small grains would take millions."""
+GONE_ON = 0.01
+"""How long a checkpoint that is believed is gone on from."""
 SHAPES = ("disc", "2x1", "triangle", "square")
 STRUCTURES = (
     ("rigid", "disc", ()),
@@ -102,6 +120,11 @@ def scenes(draw: Callable, structure: tuple[str, str, tuple[str, ...]]) -> dict[
 def check_scene(keys: dict[str, Any]) -> None:
     """Runs a scene; AssertionError says what went wrong. A scene that is refused in a sentence is no finding."""
     fresh_taichi()
+    with within_limits():
+        _check_scene(keys)
+
+
+def _check_scene(keys: dict[str, Any]) -> None:
     try:
         sim = sand.Simulation(sand.Scene(**keys), arch="cpu", threads=1)
     except sand.SandError as error:
@@ -121,86 +144,6 @@ def check_scene(keys: dict[str, Any]) -> None:
         gained = sum(after[key] - before[key] for key in ("kinetic_energy_J", "potential_energy_J"))
         scale = before["kinetic_energy_J"] + before["mass_kg"] * float(np.hypot(*sim.scene.gravity)) * float(size.max())
         assert gained <= 2e-3 * scale + 1e-30, f"energy rose by {gained / scale:.3g} of its scale"
-
-
-SAMPLE = b"""title = "x"
-size = [0.2, 0.2]
-gravity = [0.0, -9.81]
-edges = { left = "open", right = "wall" }
-[solver]
-kind = "md"
-tolerance = 0.05
-[[grains]]
-positions_file = "grains.csv"
-density = 2650.0
-[[walls]]
-points = [[0.0, 0.1], [0.05, 0.08]]
-[effects.friction]
-mu = 0.5
-"""
-ROWS = b"x,y,radius,vx,vy\n0.05,0.15,0.005,0,0\n0.10,0.15,0.004,0.1,-0.2\n"
-WORDS = [
-    b"nan",
-    b"inf",
-    b"-1",
-    b"1e308",
-    b"1e-320",
-    b"true",
-    b'"',
-    b"[",
-    b"]",
-    b"=",
-    b"\n",
-    b"\x00",
-    b"\xff",
-    b"0x",
-    b"[[walls]]",
-    b",",
-    b"9" * 400,
-]
-
-
-@st.composite
-def broken(draw: Callable, text: bytes) -> bytes:
-    """The text with some bytes cut out, doubled, or replaced by what often breaks a reader; or bytes of no sense."""
-    if draw(st.integers(0, 9)) == 0:
-        return draw(st.binary(max_size=200))
-    for _ in range(draw(st.integers(1, 3))):
-        start = draw(st.integers(0, len(text)))
-        end = min(len(text), start + draw(st.integers(0, 12)))
-        middle = draw(st.one_of(st.sampled_from(WORDS), st.binary(max_size=4), st.just(2 * text[start:end])))
-        text = text[:start] + middle + text[end:]
-    return text
-
-
-def run_command(arguments: list[str]) -> None:
-    """Runs the command; AssertionError unless it ends with a result, or with exit status 1 or 2 and a sentence."""
-    fresh_taichi()
-    done = CliRunner().invoke(cli.app, arguments)
-    assert done.exit_code in (0, 1, 2), f"{arguments}: {done.exit_code} {done.exception!r}"
-    assert done.exception is None or isinstance(done.exception, SystemExit), f"{arguments}: {done.exception!r}"
-
-
-def check_files(folder: Path, toml: bytes, rows: bytes) -> None:
-    """A scene file and the CSV file beside it, run for no time."""
-    (folder / "scene.toml").write_bytes(toml)
-    (folder / "grains.csv").write_bytes(rows)
-    run_command(["run", str(folder / "scene.toml"), "--seconds", "0", "--json", "--threads", "1"])
-
-
-def check_checkpoint(folder: Path, data: bytes) -> None:
-    """A checkpoint that is damaged, or none."""
-    (folder / "state.npz").write_bytes(data)
-    run_command(["run", "--resume", str(folder / "state.npz"), "--seconds", "0", "--json", "--threads", "1"])
-
-
-def checkpoint_bytes(folder: Path) -> bytes:
-    """A small checkpoint as it should be."""
-    fresh_taichi()
-    grains = [{"positions": [[0.05, 0.05]], "radius": 0.005}]
-    sim = sand.Simulation(sand.Scene(size=[0.1, 0.1], grains=grains), arch="cpu", threads=1)
-    sim.save(folder / "good.npz")
-    return (folder / "good.npz").read_bytes()
 
 
 def fuzz(check: Callable, examples: int, *strategies: st.SearchStrategy) -> None:
@@ -230,10 +173,22 @@ def fuzz_files(examples: int) -> None:
 
 
 def fuzz_checkpoints(examples: int) -> None:
-    """Checkpoints."""
+    """Checkpoints: two of three with other numbers in them and a hash that fits, gone on from; the others with other bytes."""
     with tempfile.TemporaryDirectory() as name:
-        good = checkpoint_bytes(Path(name))
-        fuzz(lambda data: check_checkpoint(Path(name), data), examples, broken(good))
+        folder = Path(name)
+        good = checkpoint_bytes(folder)
+        fuzz(lambda data: check_checkpoint(folder, data), examples - 2 * examples // 3, broken(good))
+        changed = tampered(arrays_of(good), "header").map(with_hash)
+        fuzz(lambda arrays: check_checkpoint(folder, to_archive(arrays), GONE_ON), 2 * examples // 3, changed)
+
+
+def fuzz_recordings(examples: int) -> None:
+    """Recordings: two of three with other values in them, the others with other bytes."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        lines = recorded_lines(folder)
+        fuzz(lambda text: check_recording(folder, text), examples - 2 * examples // 3, broken("\n".join([*lines, ""]).encode()))
+        fuzz(lambda told: check_recording(folder, "\n".join([*told, ""]).encode()), 2 * examples // 3, retold(lines))
 
 
 def structures(examples: int, seed: int) -> list[tuple[str, str, tuple[str, ...]]]:
@@ -256,6 +211,15 @@ def tried(task: Callable[[int], None], examples: int) -> str:
     return ""
 
 
+def alone(task: Callable[[int], None], examples: int) -> str:
+    """What the task found in a process of its own, which it may crash."""
+    try:
+        with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+            return pool.submit(tried, task, examples).result()
+    except BrokenProcessPool:
+        return f"the process crashed; what it tried last is left in {tempfile.gettempdir()}"
+
+
 def main() -> int:
     """The command."""
     parser = argparse.ArgumentParser(description="Draws random scenes and broken files, and says what they break.")
@@ -264,17 +228,18 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes that share the work")
     asked = parser.parse_args()
     drawn = structures(asked.examples, asked.seed)
-    each, half = max(1, asked.examples // len(drawn)), max(1, asked.examples // 2)
-    tasks = {"broken scene files": (fuzz_files, half), "broken checkpoints": (fuzz_checkpoints, half)}
+    each, third = max(1, asked.examples // len(drawn)), max(3, asked.examples // 3)
+    tasks: dict[str, Callable[[int], None]] = {"scene files": fuzz_files, "checkpoints": fuzz_checkpoints, "recordings": fuzz_recordings}
+    work = {f"broken {name}": (task, third) for name, task in tasks.items()}
     for k, (kind, shape, names) in enumerate(drawn):
-        tasks[f"structure {k}: " + " ".join([kind, shape, *names])] = (partial(fuzz_scenes, (kind, shape, names)), each)
+        work[f"structure {k}: " + " ".join([kind, shape, *names])] = (partial(fuzz_scenes, (kind, shape, names)), each)
     findings = 0
-    with ProcessPoolExecutor(asked.jobs, get_context("spawn")) as pool:
-        waiting = {pool.submit(tried, *task): (name, task[1]) for name, task in tasks.items()}
+    with ThreadPoolExecutor(asked.jobs) as pool:
+        waiting = {pool.submit(alone, *task): (name, task[1]) for name, task in work.items()}
         for k, done in enumerate(as_completed(waiting)):
             (name, examples), finding = waiting[done], done.result()
             findings += bool(finding)
-            print(f"[{k + 1}/{len(tasks)}] {name}: {examples} examples, {finding or 'nothing found'}", flush=True)
+            print(f"[{k + 1}/{len(work)}] {name}: {examples} examples, {finding or 'nothing found'}", flush=True)
     print(f"{findings or 'no'} finding{'s' * (findings != 1)}")
     return int(findings > 0)
 

@@ -95,7 +95,6 @@ def test_sums_and_order(arch: str) -> None:
     column.from_numpy(values)
     put_in_order()
     assert (column.to_numpy()[: rows // 8 * 8].reshape(-1, 8) == np.sort(values[: rows // 8 * 8].reshape(-1, 8), axis=1)).all()
-    ti.reset()
 
 
 def test_goes_on_to_the_same_bits(arch: str) -> None:
@@ -107,7 +106,7 @@ def test_goes_on_to_the_same_bits(arch: str) -> None:
     there = {name + part: array for name, field in fields.items() for part, array in checkpoint.read_field(field).items()}
     ends, steps, owed = [], sim.steps, sim.owed
     for _ in range(2):
-        checkpoint.restore(fields, there, "memory")
+        checkpoint.restore(fields, there)
         sim.steps, sim.owed = steps, owed
         sim.advance(0.1)
         check_contacts(sim)

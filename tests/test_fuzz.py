@@ -1,6 +1,6 @@
 """Random valid scenes, and files broken at random: nothing lost, nothing infinite, and a sentence instead of a traceback.
 
-Two hundred examples, the same ones until fuzz.py or hypothesis change; `python -m taichi_sand.fuzz --examples 5000` draws others.
+Some two hundred examples, the same ones until fuzz.py or hypothesis change; `python -m taichi_sand.fuzz --examples 5000` draws others.
 """
 
 from collections.abc import Iterator
@@ -32,5 +32,10 @@ def test_broken_scene_files() -> None:
 
 
 def test_broken_checkpoints() -> None:
-    """A checkpoint with any bytes changed is refused, and so are bytes that never were one."""
-    fuzz.fuzz_checkpoints(50)
+    """Refused, or gone on from without harm: with any bytes changed, or with any numbers and a hash that fits."""
+    fuzz.fuzz_checkpoints(48)
+
+
+def test_broken_recordings() -> None:
+    """Refused, or done again as far as they go."""
+    fuzz.fuzz_recordings(36)

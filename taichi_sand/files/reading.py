@@ -40,15 +40,15 @@ def opened(path: str | os.PathLike[str], what: str = "file", most: int | None = 
 
 def reason(error: Exception) -> str:
     """Why something cannot be read, in a few words."""
-    return getattr(error, "strerror", None) or str(error)
+    return getattr(error, "strerror", None) or str(error) or type(error).__name__
 
 
 def read_bytes(path: str | os.PathLike[str], what: str = "file", most: int = MOST_BYTES) -> bytes:
     """All bytes of a file; SandError as of `opened`."""
     with opened(path, what, most) as file:
         try:
-            return file.read(most + 1)
-        except OSError as error:
+            return file.read(min(most, os.fstat(file.fileno()).st_size))
+        except (OSError, MemoryError) as error:
             raise SandError(f"{path} cannot be read: {reason(error)}") from None
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from taichi_sand.files import writing
 from taichi_sand.host import Host
+from taichi_sand.keeping import misfit
 from taichi_sand.play.snapshot import Rows, Snapshot, to_bytes
 from taichi_sand.view.film import mp4, save_png
 from taichi_sand.world import checkpoint
@@ -39,7 +40,7 @@ def save(session: "Session", path: Path) -> None:
 
 def read(path: Path) -> str:
     """A checkpoint as ["load", …] takes it; SandError if it is none."""
-    about, arrays = checkpoint.load(path)
+    about, arrays = checkpoint.load(path, misfit)
     fields = {name: Rows(array.shape, [(0, len(array))] if array.ndim else [], array) for name, array in arrays.items()}
     return base64.b64encode(to_bytes(Snapshot(Host.from_json(about["host"]), fields))).decode()
 

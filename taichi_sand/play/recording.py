@@ -15,18 +15,22 @@ import numpy as np
 
 from taichi_sand.files import writing
 from taichi_sand.files.jsons import as_line
+from taichi_sand.files.reading import read_bytes
 from taichi_sand.files.writing import Lines
+from taichi_sand.play.actions import is_action
 from taichi_sand.play.screen import Screen
-from taichi_sand.play.session import VERBS, Session, pack
+from taichi_sand.play.session import Session, pack
 from taichi_sand.play.snapshot import Snapshot, from_bytes
 from taichi_sand.scene.errors import PhysicsError, SandError
 from taichi_sand.scene.schema import Scene
 from taichi_sand.view.film import WRITERS, Progress, destination
-from taichi_sand.world.checkpoint import UNREADABLE
+from taichi_sand.world.checkpoint import believing
 
 FORMAT, TITLE = 1, "taichi_sand recording"
 EVERY = 1.0
 """Wall time between two hashes [s]."""
+MOST_STEPS, LONGEST = 1_000_000, 86400.0
+"""Steps of a frame, and seconds that are played, are no more."""
 
 
 class Recorder:
@@ -67,24 +71,26 @@ def read(path: Path) -> tuple[Snapshot, Scene, list]:
     Raises:
         SandError: the file is damaged, or no recording.
     """
-    try:
-        head, *rest = (json.loads(line) for line in path.read_bytes().decode().split("\n")[:-1])
+    text = read_bytes(path, "recording")
+    with believing(path, "recording"):
+        head, *rest = (json.loads(line) for line in text.decode().split("\n")[:-1])
         if (version := head[TITLE]) != FORMAT:
-            raise SandError(f"{path}: a recording of format {version}, of another taichi-sand; this one reads format {FORMAT}")
+            raise SandError(f"a recording of format {version}, of another taichi-sand; this one reads format {FORMAT}")
         start, scene = from_bytes(base64.b64decode(head["start"])), Scene.from_json(head["scene"])
-    except UNREADABLE as error:
-        raise SandError(f"{path}: not a recording of taichi-sand, or a damaged one ({type(error).__name__})") from None
+    last = 0.0
     for number, line in enumerate(rest, 2):
-        if not (is_frame(line) or (isinstance(line, dict) and "hash" in line)):
+        if not (is_frame(line, last) or (isinstance(line, dict) and isinstance(line.get("hash"), str))):
             raise SandError(f"{path}: line {number} of the recording is damaged")
+        last = line[2] if isinstance(line, list) else last
     return start, scene, rest
 
 
-def is_frame(line: Any) -> bool:
-    """Whether a line says what was done, how many steps were simulated then, and when."""
+def is_frame(line: Any, last: float) -> bool:
+    """Whether a line says what was done, how many steps were simulated then, and when, not before `last` [s]."""
     if not (isinstance(line, list) and [type(part) for part in line] in ([list, int, float], [list, int, int])):
         return False
-    return all(isinstance(action, list) and action and str(action[0]) in VERBS for action in line[0])
+    actions, steps, wall = line
+    return all(map(is_action, actions)) and 0 <= steps <= MOST_STEPS and last <= wall <= LONGEST
 
 
 def replay(recorded: tuple[Snapshot, Scene, list], path: Path, arch: str, threads: int | None) -> Iterator[tuple[Session, float]]:
@@ -95,7 +101,8 @@ def replay(recorded: tuple[Snapshot, Scene, list], path: Path, arch: str, thread
     """
     start, scene, rest = recorded
     session = Session(scene, arch=arch, threads=threads)
-    session.go_to(start)
+    with believing(path, "recording"):
+        session.go_to(start)
     session.start = session.moment()
     for number, line in enumerate(rest, 2):
         if isinstance(line, dict):
@@ -103,8 +110,9 @@ def replay(recorded: tuple[Snapshot, Scene, list], path: Path, arch: str, thread
                 raise PhysicsError(f"{path}: in line {number} the state is not what was recorded")
             continue
         actions, steps, wall = line
-        for action in actions:
-            session.do(action)
+        with believing(f"{path}: line {number}", "recording"):
+            for action in actions:
+                session.do(action)
         session.advance(steps)
         yield session, wall
 

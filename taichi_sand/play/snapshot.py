@@ -8,9 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from taichi_sand import belief
+from taichi_sand.files import archive
 from taichi_sand.host import Host
-from taichi_sand.scene.errors import SandError
+from taichi_sand.scene.schema import Scene
 from taichi_sand.simulation import Simulation
+from taichi_sand.world import checkpoint, rooms
 from taichi_sand.world.checkpoint import read_field
 
 Spans = list[tuple[int, int]]
@@ -23,6 +26,11 @@ class Rows:
     shape: tuple[int, ...]
     spans: Spans
     rows: np.ndarray
+
+    @property
+    def dtype(self) -> np.dtype:
+        """Of the array."""
+        return self.rows.dtype
 
     def whole(self) -> np.ndarray:
         """The array, zeros where nothing was kept."""
@@ -42,6 +50,7 @@ class Snapshot:
     host: Host
     fields: dict[str, Rows]
     session: dict[str, Any] = field(default_factory=dict)  # what the session keeps with it; must be JSON
+    foreign: bool = False  # whether it comes out of a file, which anybody may have made
 
 
 def tables_of(sim: Simulation) -> dict[str, Any]:
@@ -66,20 +75,15 @@ def take(sim: Simulation, before: Snapshot | None = None) -> Snapshot:
 
 
 def restore(sim: Simulation, snapshot: Snapshot) -> None:
-    """Puts `sim`, of the same structure, back to the moment of `snapshot`."""
-    for name, table in tables_of(sim).items():
-        stored = {part: snapshot.fields.get(name + part) for part in read_field(table)}
-        if any(rows is None or rows.shape != shape_of(table, part) for part, rows in stored.items()):
-            raise SandError(f"this state holds no {name} that fits the simulation; it comes from another scene or version")
-        wholes = {part: rows.whole() for part, rows in stored.items()}
-        table.from_numpy(wholes[""] if "" in wholes else {part[1:]: array for part, array in wholes.items()})
+    """Puts `sim`, of the same structure, back to the moment of `snapshot`; SandError, and nothing has changed, if it cannot be one."""
+    fields = tables_of(sim)
+    tables = checkpoint.tables_of(fields)
+    checkpoint.check_shapes(tables, snapshot.fields)
+    stored = {name: snapshot.fields[name].whole() for name in tables}
+    if snapshot.foreign:
+        belief.check(sim, snapshot.host, tables, stored)
+    checkpoint.restore(fields, stored)
     snapshot.host.give(sim)
-
-
-def shape_of(table: Any, part: str) -> tuple[int, ...]:
-    """Shape of the array that `read_field` gives for a part of a field."""
-    member = table.get_member_field(part[1:]) if part else table
-    return tuple(member.shape) + ((member.n,) if hasattr(member, "n") else ())
 
 
 def used_rows(sim: Simulation) -> Callable[[str, np.ndarray], Spans]:
@@ -123,9 +127,23 @@ def to_bytes(snapshot: Snapshot) -> bytes:
 
 
 def from_bytes(data: bytes) -> Snapshot:
-    """What `to_bytes` made."""
-    with np.load(io.BytesIO(data), allow_pickle=False) as file:
-        arrays = {name: file[name] for name in file.files}
-    head = json.loads(arrays.pop("head").tobytes().decode())
+    """What `to_bytes` made; SandError, or one of archive.UNREADABLE, if it is something else."""
+    head, arrays = archive.read(io.BytesIO(data), "head", misfit)
+    host, session = Host.from_json(head["host"]), head["session"]
+    if "rng" in session:
+        np.random.default_rng().bit_generator.state = session["rng"]  # whether it can be one
     spans = {name: (tuple(shape), [tuple(span) for span in spans]) for name, (shape, spans) in head["shapes"].items()}
-    return Snapshot(Host.from_json(head["host"]), {name: Rows(*spans[name], rows) for name, rows in arrays.items()}, head["session"])
+    return Snapshot(host, {name: Rows(*spans[name], rows) for name, rows in arrays.items()}, session, foreign=True)
+
+
+def misfit(head: dict[str, Any], announced: dict[str, archive.Announced]) -> str:
+    """What is wrong with the rows that a snapshot announces, or ""."""
+    shapes = {name: tuple(shape) for name, (shape, _) in head["shapes"].items()}
+    for name, (_, spans) in head["shapes"].items():
+        shape, kept, ends = shapes[name], announced[name].shape, [0, *(end for span in spans for end in span)]
+        if any(not isinstance(rows, int) or rows < 0 for rows in (*shape, *ends)):
+            return f"{name} has no shape"
+        if shape and (ends != sorted(ends) or ends[-1] > shape[0] or kept != (sum(high - low for low, high in spans), *shape[1:])):
+            return f"the rows of {name} do not fit its shape"
+    scene = Scene.from_json(head["host"]["scene"])
+    return rooms.misfit(scene, rooms.by_hand(scene), shapes)

@@ -81,6 +81,24 @@ def pack(scene: Scene) -> Pack:
     return Pack(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in columns}, forms=forms)
 
 
+def most_grains(scene: Scene) -> float:
+    """No more grains than this can the tables of a scene make; nothing is placed to find out."""
+    return sum(_most_of(scene, table) * (len(scene.discs(table.shape)) if table.bonded else 1) for table in scene.grains)
+
+
+def _most_of(scene: Scene, table: Grains) -> float:
+    if table.positions is not None:
+        return len(table.positions)
+    if table.count is not None:
+        return table.count
+    low, high = _reach(scene, table)
+    width, height = np.subtract(_box(scene, table)[2:], _box(scene, table)[:2])
+    if table.fill == "random":
+        return LOOSE * width * height / (np.pi * (low**2 + low * high + high**2) / 3) + 1
+    pitch = 2 * high if table.pitch is None else table.pitch * (low + high)
+    return (width / pitch + 2) * (height / (pitch * np.sqrt(0.75)) + 2)
+
+
 def parted(grains: Pack, size: np.ndarray) -> np.ndarray:
     """Positions (n, 2) [m] in a box of `size`; centres that coincide lie a little apart, so that contacts have a direction.
 

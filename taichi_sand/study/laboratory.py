@@ -63,7 +63,8 @@ def fresh_taichi() -> None:
     """
     gc.collect()
     if device.alive:
-        device.abandon()
+        device.alive.clear()
+        device.forget()
 
 
 def simulate(discs: Sequence[Disc] | list[dict[str, Any]], size: Sequence[float], solver: dict[str, Any], **keys: Any) -> Any:

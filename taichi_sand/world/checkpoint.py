@@ -2,23 +2,22 @@
 
 import hashlib
 import json
-import struct
-import tokenize
 import zipfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from taichi_sand.files import writing
+from taichi_sand.files import archive, writing
+from taichi_sand.files.archive import Announced
+from taichi_sand.files.reading import opened
 from taichi_sand.scene.errors import SandError
 
 FORMAT = 7
-
-
-UNREADABLE = (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, NotImplementedError, RuntimeError, MemoryError)
-UNREADABLE += (OverflowError, SyntaxError, tokenize.TokenError, struct.error, zipfile.BadZipFile, zipfile.zlib.error)
-"""What reading a file that is no checkpoint, or a damaged one, may raise."""
+Misfit = Callable[[Any, dict[str, Announced]], str]
 
 
 def fields_of(thing: Any, name: str) -> dict[str, Any]:
@@ -69,30 +68,57 @@ def whole_archive(path: Path) -> str:
         return str(error)
 
 
-def load(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """What `save` wrote: about, and the arrays. SandError if the file is damaged, foreign or of another version."""
+def load(path: str | PathLike[str], misfit: Misfit = lambda about, announced: "") -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """What `save` wrote: about, and the arrays, read-only.
+
+    Args:
+        path: the file; anybody may have made it.
+        misfit: what is wrong with the arrays that are announced, or "": called with what they are about before any of them is read.
+
+    Raises:
+        SandError: the file is damaged, foreign or of another version, or its arrays are not what they should be.
+    """
+
+    def wrong_with(header: Any, announced: dict[str, Announced]) -> str:
+        version = header["format"]
+        if version != FORMAT:
+            age = "a newer" if isinstance(version, int) and version > FORMAT else "another"
+            return f"a checkpoint of format {version}, written by {age} taichi-sand; this one reads format {FORMAT}"
+        return misfit(header["about"], announced)
+
+    with opened(path, "checkpoint") as file, believing(path, "checkpoint"):
+        header, arrays = archive.read(file, "header", wrong_with)
+        if header["sha256"] != digest(arrays):
+            raise SandError("the checkpoint is damaged: its checksum does not match")
+        return header["about"], arrays
+
+
+@contextmanager
+def believing(path: str | PathLike[str], what: str) -> Iterator[None]:
+    """Around the reading of what `path` says: what is wrong with it becomes one sentence that names it."""
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        header = json.loads(arrays.pop("header").tobytes().decode())
-        version, about, checksum = header["format"], header["about"], header["sha256"]
-    except FileNotFoundError:
-        raise SandError(f"{path}: there is no such checkpoint") from None
-    except UNREADABLE as error:
-        raise SandError(f"{path}: not a checkpoint of taichi-sand, or a damaged one ({type(error).__name__})") from None
-    if version != FORMAT:
-        age = "a newer" if isinstance(version, int) and version > FORMAT else "another"
-        raise SandError(f"{path}: a checkpoint of format {version}, written by {age} taichi-sand; this one reads format {FORMAT}")
-    if checksum != digest(arrays):
-        raise SandError(f"{path}: the checkpoint is damaged: its checksum does not match")
-    return about, arrays
+        yield
+    except SandError as error:
+        raise SandError(f"{path}: {error}") from None
+    except archive.UNREADABLE as error:
+        raise SandError(f"{path}: not a {what} of taichi-sand, or a damaged one ({type(error).__name__})") from None
 
 
-def restore(fields: dict[str, Any], arrays: dict[str, np.ndarray], path: str | Path) -> None:
-    """Puts the arrays of a checkpoint back into the fields they came from."""
+def tables_of(fields: dict[str, Any]) -> dict[str, np.ndarray]:
+    """The arrays of fields, members of structs apart, by name."""
+    return {name + part: values for name, field in fields.items() for part, values in read_field(field).items()}
+
+
+def check_shapes(tables: dict[str, np.ndarray], stored: Mapping[str, Any]) -> None:
+    """SandError unless every table has one of its shape and type in what was stored."""
+    for name, values in tables.items():
+        one = stored.get(name)
+        if one is None or one.shape != values.shape or one.dtype != values.dtype:
+            raise SandError(f"it lacks a fitting `{name}`; it comes from another scene or another version of taichi-sand")
+
+
+def restore(fields: dict[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
+    """Puts arrays, which have been checked, back into the fields they came from."""
     for name, field in fields.items():
-        parts = read_field(field)
-        stored = {part: arrays.get(name + part) for part in parts}
-        if any(stored[p] is None or stored[p].shape != parts[p].shape or stored[p].dtype != parts[p].dtype for p in parts):
-            raise SandError(f"{path}: the checkpoint lacks a fitting `{name}`; it was written by another version of taichi-sand")
-        field.from_numpy(stored[""] if "" in stored else {part[1:]: array for part, array in stored.items()})
+        parts = {part: arrays[name + part] for part in read_field(field)}
+        field.from_numpy(parts[""] if "" in parts else {part[1:]: array for part, array in parts.items()})

@@ -1,0 +1,41 @@
+"""What an action of a session looks like: a recording may come from anybody."""
+
+from typing import Any
+
+from taichi_sand.play.session import LOOKS, VERBS
+from taichi_sand.play.tools import TOOLS
+
+FARTHEST = 1e9
+"""Numbers of actions are within this, either way."""
+NUMBER = (int, float)
+ARGUMENTS: dict[str, tuple] = {
+    **dict.fromkeys(("mark", "undo", "redo", "reset"), ()),
+    **dict.fromkeys(("choose", "solver", "open", "load"), (str,)),
+    **{"set": (str, NUMBER), "effect": (str, bool), "look": (str, (str, bool)), "opened": (bool,), "kind": (int,)},
+    "stroke": (str, NUMBER, NUMBER, NUMBER, NUMBER, bool),
+}
+"""What each verb is given; a stroke may do without its last three."""
+CHOICES: dict[str, Any] = {
+    "choose": TOOLS,
+    "solver": ("md", "rigid"),
+    "stroke": ("press", "drag", "release"),
+    "look": {*LOOKS, "cold", "hot"},
+}
+
+
+def is_action(action: Any) -> bool:
+    """Whether something is an action as `do` takes it: a verb, and arguments of the kinds that it needs."""
+    if not isinstance(action, list) or not action or not isinstance(action[0], str) or action[0] not in VERBS:
+        return False
+    verb, *given = action
+    kinds = ARGUMENTS[verb][: len(given)] if verb == "stroke" and len(given) >= 3 else ARGUMENTS[verb]
+    if len(kinds) != len(given):
+        return False
+    for kind, value in zip(kinds, given, strict=True):
+        if not isinstance(value, kind) or (isinstance(value, bool) and kind in (NUMBER, int)):
+            return False
+        if kind is NUMBER and not abs(value) <= FARTHEST:
+            return False
+    if verb == "look" and type(given[1]) is not type(LOOKS.get(given[0], "")):
+        return False
+    return verb not in CHOICES or given[0] in CHOICES[verb]
