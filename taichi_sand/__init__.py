@@ -10,12 +10,16 @@ Taichi is imported with `Simulation`, not before.
 """
 
 import os
+import tempfile
 from collections.abc import Sequence
 from importlib import import_module
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")  # its banner would stand in front of `run --json`
+if os.name == "posix" and "HOME" not in os.environ:  # Taichi ends the process where there is none
+    HOME = os.path.expanduser("~")
+    os.environ["HOME"] = HOME if HOME != "~" else tempfile.gettempdir()
 
 if TYPE_CHECKING:
     from taichi_sand.scene.errors import PhysicsError, SandError

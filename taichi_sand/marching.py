@@ -1,5 +1,6 @@
 """The march: steps, with the searches, looks and wakings that they need in between, in as few launches as the layout allows."""
 
+import time
 from typing import Any
 
 import taichi as ti
@@ -12,6 +13,32 @@ from taichi_sand.world.stir import bury, stir
 
 BATCH = 8
 """Steps of a large world between two looks at whether its search still holds; steps that find it spent do nothing."""
+LAUNCH = 0.1
+"""About so long may a launch take [s]: nobody can interrupt it, nor read what is simulated meanwhile."""
+DEAREST = 300e-9
+"""What a grain and step may cost with all that belongs to it, until it has been measured [s] (measured: 20 to 80 ns, and 240 more where
+every step needs a search)."""
+FIRST, ROUSED = 16, 4
+"""The first launch gets a FIRST-th of the steps. One ends early when ROUSED times as many grains are awake as at its start, and 64 more."""
+DONE, DROWSY, EARLY = range(3)
+"""Why `steps_in_one` ended: all is done; somebody is to fall asleep; many have woken up."""
+
+
+class Cadence:
+    """How many steps fit into a launch, by what they have cost so far."""
+
+    def __init__(self) -> None:
+        self.cost = 0.0  # of a step, in the last launches [s]
+
+    def steps(self, grains: int) -> int:
+        """So many for so many grains awake."""
+        most = LAUNCH / (DEAREST * max(1, grains))
+        return max(1, int(min(most, LAUNCH / self.cost) if self.cost else most / FIRST))
+
+    def took(self, steps: int, seconds: float) -> None:
+        """What a launch has cost; cheaper ones are believed by and by."""
+        if steps:
+            self.cost = max(seconds / steps, 0.5 * self.cost)
 
 
 @ti.func
@@ -55,25 +82,41 @@ def going_on(w: ti.template(), end):
     return w.pace[None].done < end and w.pace[None].hasty == 0
 
 
+@ti.func
+def roused(w: ti.template(), most):
+    """Whether more than `most` grains are awake."""
+    crowd = False
+    if ti.static(w.sleeps):
+        crowd = w.naps.state[None].awake > most
+    return crowd
+
+
 @ti.kernel
-def steps_in_one(w: ti.template(), s: ti.template(), steps: ti.i32) -> ti.i32:
+def steps_in_one(w: ti.template(), s: ti.template(), steps: ti.i32, most: ti.i32) -> ti.i32:
     """`steps` steps with all searches they need, in one launch, on one thread (layout "one"); leaves the pairs of the moment. Fewer where
     a grain gets too fast for their length (world.motion.guarded).
 
-    Returns 1 if it stopped early, as somebody is to fall asleep.
+    Returns DROWSY or EARLY if it stopped early, as somebody is to fall asleep, or more than `most` are awake.
     """
+    why = DONE
     ti.loop_config(serialize=True)
     for _run in range(1):
-        end = w.pace[None].done + steps
+        start = w.pace[None].done
+        end = start + steps
         while not drowsy(w) and (called(w) or w.pace[None].spent == 1 or going_on(w, end)):
             make_ready(w, s)
+            if roused(w, most) and w.pace[None].done > start:
+                end = w.pace[None].done
+                why = EARLY
             if going_on(w, end) and not called(w):
                 s.step(w, s, True)
                 close_step(w)
                 if ti.static(len(watchers(s)) > 0):
                     if w.pace[None].done % w.pace[None].watch == 0:
                         watch(w, s)
-    return ti.cast(drowsy(w), ti.i32)
+        if drowsy(w):
+            why = DROWSY
+    return why
 
 
 @ti.kernel
@@ -114,15 +157,35 @@ def renew(world: Any, solver: Any) -> None:
         ti.sync()
 
 
+def now(record: Any, name: str) -> Any:
+    """One number of a 0-D struct: `record[None]` takes 0.2 ms where there are as many as in the pace."""
+    return record.get_member_field(name)[None]
+
+
+def awake(world: Any) -> int:
+    """Grains that are computed."""
+    return int(now(world.naps.state, "awake") if world.sleeps else world.count[None])
+
+
 def march(world: Any, solver: Any, done: int, end: int) -> None:
-    """From step `done` to step `end`, or until a grain gets too fast for such steps; leaves the pairs of the moment."""
-    if world.layout == "one":
-        while steps_in_one(world, solver, end - done):
-            rearrange(world, solver)
-            renew(world, solver)
-            done = world.pace[None].done
-        return
-    every, looked = world.pace[None].watch, done
+    """From step `done` to step `end`, or less far if it takes longer than a launch may, or a grain gets too fast for such steps; leaves the
+    pairs of the moment.
+    """
+    (march_in_one if world.layout == "one" else march_alone)(world, solver, done, end)
+
+
+def march_in_one(world: Any, solver: Any, done: int, end: int) -> None:
+    """The same in one launch, or a few."""
+    most = ROUSED * awake(world) + 64
+    while steps_in_one(world, solver, end - done, most) == DROWSY:
+        rearrange(world, solver)
+        renew(world, solver)
+        done = now(world.pace, "done")
+
+
+def march_alone(world: Any, solver: Any, done: int, end: int) -> None:
+    """The same with launches of single steps."""
+    every, looked, start, before = now(world.pace, "watch"), done, time.perf_counter(), done
     calms, impacts = may_be_calm(world, solver), world.pace.get_member_field("impacts")
     while True:
         spent, done, hasty = progress(world)
@@ -131,11 +194,11 @@ def march(world: Any, solver: Any, done: int, end: int) -> None:
             looked = done
         if spent:
             search_now(world)
-        if world.sleeps and world.naps.state[None].due:
+        if world.sleeps and now(world.naps.state, "due"):
             rearrange(world, solver)
             renew(world, solver)
             continue
-        if done == end or hasty:
+        if done == end or hasty or (done > before and time.perf_counter() - start > LAUNCH):
             break
         for _ in range(min(BATCH, end - done, every - done % every if every else BATCH)):
             step_alone(world, solver, not calms or bool(impacts[None]))

@@ -1,6 +1,7 @@
 """The main loop: search, march, until the time asked for; and the state of a simulation, to read and to keep."""
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from os import PathLike
@@ -11,36 +12,35 @@ import numpy as np
 from taichi_sand import effects as effect_modules
 from taichi_sand import live, marching
 from taichi_sand.clock import Clock
+from taichi_sand.entry import changes, running
 from taichi_sand.keeping import Keeping
+from taichi_sand.looking import Looking
 from taichi_sand.readings import Readings
 from taichi_sand.scene import loading
 from taichi_sand.scene.errors import SandError, show
 from taichi_sand.scene.packing import pack
 from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers import choose
-from taichi_sand.solvers.bed import DENSE, EARTH, REST, Bed, bed_of, depth_of
-from taichi_sand.solvers.tolerance import follows_tolerance
+from taichi_sand.solvers.bed import Bed, bed_of
 from taichi_sand.tuning import Tuning
 from taichi_sand.world import census, device, fields, sources
 from taichi_sand.world import hand as hands
 from taichi_sand.world.build import check_periodic, fill, make_world
 from taichi_sand.world.rest import wake
+from taichi_sand.world.tables import World
+from taichi_sand.world.turns import turn
 from taichi_sand.world.wall_scene import check_speeds, fastest_wall, set_patience, shortest_shake, wall_loads
 
 LEAST_ROOM = 1000
 """Room for grains that a user adds by hand."""
 WALL_ROOM = (4096, 65536)
 """Room for entries of walls (a grain's width of wall has some five), without and with a hand that may draw them."""
-LOOK, GROWTH = 0.25 / math.sqrt(0.01 / EARTH), 1.2
-"""Simulated time between two looks at the pile, in sqrt(d / g), 0.25 s for grains of 1 cm; and by how much it must have grown in depth for
-stiffness and step to follow."""
-
 
 MOST_STEPS = 2**31 - 1
 """That a simulation counts."""
 
 
-class Simulation(Tuning, Keeping, Readings):
+class Simulation(Tuning, Looking, Keeping, Readings):
     """A scene in motion.
 
     Args:
@@ -59,10 +59,13 @@ class Simulation(Tuning, Keeping, Readings):
     ) -> None:
         self.clock = Clock()
         scene = loading.scene_of(scene)
-        with self.clock.stage("compile"):
-            self.scene, self.arch, self.threads, self.room = scene, arch, threads, room
+        self.cadence = marching.Cadence()
+        self.runner: int | None = None  # thread that is advancing it
+        with turn, self.clock.stage("compile"):
+            self.scene, self.arch, self.room = scene, arch, room
             self.first_walls = scene.walls  # those that tables have been made for
-            device.start(self, arch, threads, scene.solver.precision)
+            self.program = device.start(self, arch, threads, scene.solver.precision)
+            self.threads = device.threads()
             self.over = {}
             effects = effect_modules.check(scene)
             grains = pack(scene)
@@ -70,7 +73,8 @@ class Simulation(Tuning, Keeping, Readings):
             check_periodic(scene, planned, effect_modules.reach(effects), self.arch != "cpu")
             if hand and not room:
                 self.room = max(LEAST_ROOM, len(grains) // 2)
-            fields.lend(self, lambda: self._lay(planned, hand), keep=not device.on_gpu())
+            self.returning = fields.lend(self, lambda: self._lay(planned, hand), keep=not device.on_gpu())
+            turn.pause()
             fill(self.world, grains)
             self.made, self.removed = len(grains.radius), 0
             self.steps, self.epoch, self.owed = 0, (0, 0.0), 0.0
@@ -84,7 +88,7 @@ class Simulation(Tuning, Keeping, Readings):
         solver = choose(kind)
         extra = solver.MEMORY + sum(columns.values())
         rooms, structure = (self.room + sources.room_for(scene), WALL_ROOM[hand]), effect_modules.structure(self.effects, grains)
-        self.world = fields.same(make_world(scene, grains, extra, turns, self.arch != "cpu", *rooms, **structure))
+        self._world = fields.same(make_world(scene, grains, extra, turns, self.arch != "cpu", *rooms, **structure))
         drive = max([fastest_wall(scene)] + [math.hypot(*source.velocity) for source in scene.sources])
         bed = bed_of(grains, scene.gravity, scene.size, drive, shortest_shake(scene))
         self.bed = replace(bed, **effect_modules.bed(self.effects, self.world), **wall_loads(scene, grains))
@@ -108,13 +112,23 @@ class Simulation(Tuning, Keeping, Readings):
         pace[None].spent = 1
         self._set_pace()
         marching.compile_steps(self.world, self.solver)
+        turn.pause()
         self._march(0)
+        turn.pause()
         if self.world.layout == "cells" and not census.all_listed(self.world):
             raise SandError(f"--arch {self.arch}: its driver leaves out parts of the search for contacts; take --arch cpu", "arch")
         census.places(self.world)  # only compiles, as the next
         census.strained(self.world, 0.0, 0.0)
         census.contact_speeds(self.world)
         self._follow(self.numbers)
+
+    @property
+    def world(self) -> World:
+        """Its state, in fields; SandError if that is no more."""
+        if self._world is None:
+            raise SandError("this simulation has been closed")
+        device.check(self.program)
+        return self._world
 
     @property
     def effects(self) -> dict[str, dict[str, Any]]:
@@ -139,6 +153,10 @@ class Simulation(Tuning, Keeping, Readings):
             SandError: `seconds` is no number of seconds, or makes more steps than a simulation can count.
         """
         seconds = stretch(seconds)
+        with running(self):
+            self._advance(seconds, progress)
+
+    def _advance(self, seconds: float, progress: Callable[[float], None] | None) -> None:
         start, due = self.time, self.owed + seconds
         while True:
             rest = due - (self.time - start)
@@ -154,27 +172,43 @@ class Simulation(Tuning, Keeping, Readings):
         self.owed = rest
 
     def advance_steps(self, count: int) -> None:
-        """Simulates `count` steps, with the pauses in which effects act."""
-        if self.hand and self.world.sleeps and self.hand.now[None].work:
-            wake(self.world)
-            marching.renew(self.world, self.solver)
-        end = self.steps + count
-        while self.steps < end:
-            pauses = self._pauses()
-            part = min([end - self.steps, self._steps_to_look()] + [every - self.steps % every for _, every in pauses])
-            with self.clock.stage("march"):
-                self._march(part)
-            done, self.steps = self.steps, self.world.pace[None].done
-            self.clock.count(self.count, self.steps - done, self.step)
-            for act, every in pauses:
-                if self.steps % every == 0:
-                    with self.clock.stage("effects"):
-                        act(self.world, self.solver)
-            with self.clock.stage("look"):
-                if self.world.pace[None].hasty:
-                    self._hasten()
-                elif self._steps_to_look() == self._look_every():
-                    self._look()
+        """Simulates `count` steps, with the pauses in which effects act.
+
+        It can be interrupted (Ctrl-C) after every launch, of a tenth of a second or so; what was simulated until then is whole, and goes on
+        to the same bits.
+        """
+        count = steps_of(count)
+        with running(self):
+            end = self.steps + count
+            if self.hand and self.world.sleeps:
+                with turn:
+                    if self.hand.now[None].work:
+                        wake(self.world)
+                        marching.renew(self.world, self.solver)
+            while self.steps < end:
+                with turn:
+                    self._advance_to(end)
+
+    def _advance_to(self, end: int) -> None:
+        """A launch of steps, up to step `end`, and the pauses that are due then."""
+        pauses = self._pauses()
+        fit = self.cadence.steps(marching.awake(self.world))
+        part = min([end - self.steps, fit, self._steps_to_look()] + [every - self.steps % every for _, every in pauses])
+        before, start = self.steps, time.perf_counter()
+        with self.clock.stage("march"):
+            self._march(part)
+        self.steps = int(marching.now(self.world.pace, "done"))
+        self.clock.count(self.count, self.steps - before, self.step)
+        self.cadence.took(self.steps - before, time.perf_counter() - start)
+        for act, every in pauses:
+            if self.steps % every == 0:
+                with self.clock.stage("effects"):
+                    act(self.world, self.solver)
+        with self.clock.stage("look"):
+            if marching.now(self.world.pace, "hasty"):
+                self._hasten()
+            elif self._steps_to_look() == self._look_every():
+                self._look()
 
     def _pauses(self) -> list[tuple[Callable[[Any, Any], None], int]]:
         """What acts between launches, and after how many steps each."""
@@ -190,59 +224,7 @@ class Simulation(Tuning, Keeping, Readings):
             self.made += made
             self.renew()
 
-    def _look_every(self) -> int:
-        return max(1, math.floor(LOOK * self.bed.moment / self.step))
-
-    def _steps_to_look(self) -> int:
-        """Steps until the next look at the depth, counted from when the step last changed."""
-        return self._look_every() - (self.steps - self.epoch[0]) % self._look_every()
-
-    def _look(self) -> None:
-        """Stiffness and step follow the depth of a pile that has grown, what the contacts of one at rest show, how fast grains are, and
-        how fast they flow.
-        """
-        if not self.count or self._sleepy():
-            return
-        if self.bed.gravity:
-            self.bed = self._deeper(self.bed)
-        unit = math.sqrt(self.bed.gravity * self.bed.diameter)
-        share, deep, fastest = census.strained(self.world, self.scene.solver.tolerance * self.bed.diameter, REST * unit)
-        if self.bed.gravity and follows_tolerance(self.scene.solver):
-            self.bed = self.bed.seen(share, deep)
-        self.bed = self.bed.moving(fastest, census.flow(self.world, DENSE) if share > 0.01 else 0.0)
-        self._keep_up()
-
-    def _hasten(self) -> None:
-        """Stiffness and step follow a grain that is faster than they are made for."""
-        *_, fastest = census.strained(self.world, 0.0, 0.0)
-        self.bed = self.bed.outrun(fastest)
-        self._keep_up()
-
-    def _keep_up(self) -> None:
-        """Stiffness and step are those for the bed as it is."""
-        self.world.pace[None].hasty = 0
-        if choose(self.scene.solver.kind).numbers(self.scene, self.bed) != self.numbers:
-            self._adopt(self.scene, self.bed, self.over)
-
-    def _deeper(self, bed: Bed) -> Bed:
-        """The bed as deep as it is now, if it has grown."""
-        numbers, whole = census.places(self.world)
-        free = whole[:, 2] == 0
-        if free.any():
-            radius = numbers[:, 2] * self.sizes[whole[:, 1]]
-            depth, load = depth_of(numbers[free, :2], radius[free], 1 / numbers[free, 3], self.scene.gravity)
-            if depth > GROWTH * bed.depth or load > GROWTH * bed.load:
-                return replace(bed, depth=max(depth, bed.depth), load=max(load, bed.load))
-        return bed
-
-    def _sleepy(self) -> bool:
-        """Whether this look can be left out: with few awake a pile grows more slowly, with nobody not at all."""
-        if not self.world.sleeps:
-            return False
-        awake = self.world.naps.state[None].awake
-        number = (self.steps - self.epoch[0]) // self._look_every()
-        return not awake or number % max(1, math.floor((GROWTH - 1) * self.count / awake)) != 0
-
+    @changes
     def renew(self) -> None:
         """Searches anew, after grains or walls have been changed by hand; what contacts that are gone carried is forgotten."""
         with self.clock.stage("march"):
@@ -294,3 +276,10 @@ def stretch(seconds: Any) -> float:
     if not number or not 0 <= seconds < math.inf:
         raise SandError(f"advance({show(seconds)}): must be a number of seconds, 0 or more")
     return float(seconds)
+
+
+def steps_of(count: Any) -> int:
+    """`count` as a number of steps, 0 or more; SandError if it is something else."""
+    if not isinstance(count, int | np.integer) or isinstance(count, bool) or not 0 <= count <= MOST_STEPS:
+        raise SandError(f"advance_steps({show(count)}): must be a whole number of steps, 0 … {MOST_STEPS}")
+    return int(count)

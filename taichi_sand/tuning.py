@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from taichi_sand import live
+from taichi_sand.entry import changes, reads
 from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers.bed import Bed, height_of
@@ -25,6 +26,7 @@ class Tuning:
     renew: Any
     _adopt: Any
 
+    @reads
     def get(self, key: str) -> Any:
         """The value of a live number, by its dotted key in the scene (`gravity`, `solver.tolerance`, `effects.friction.mu`): as a scene may
         have it, or as it was set beyond that; None for one of [solver] that is not given, and follows from the tolerance.
@@ -35,6 +37,7 @@ class Tuning:
         value = live.read(self.scene, key)
         return self.over.get(key, value)
 
+    @changes
     def set(self, key: str, value: Any, *, unphysical: bool = False) -> None:
         """Goes on with another value of a live number; `key` as for `get`. It stays through looks, checkpoints, and undoing.
 
@@ -54,6 +57,7 @@ class Tuning:
         wake(self.world)
         self._adopt(scene, self._bed_for(scene), over)
 
+    @changes
     def retune(self, scene: Scene) -> None:
         """Goes on with gravity and all numbers of solver and effects that `scene` has. Values beyond their ranges stay, where the scene has
         not got another one for that key.
@@ -73,6 +77,7 @@ class Tuning:
         height = height_of(scene.gravity, scene.size)
         return replace(self.bed, gravity=gravity, drop=height if gravity else 0.0, height=height)
 
+    @changes
     def set_walls(self, walls: Sequence[Any]) -> None:
         """Goes on with these `[[walls]]`, a table each as in a scene file, in the place of those there are.
 
@@ -84,6 +89,7 @@ class Tuning:
         self.scene = scene
         self.renew()
 
+    @changes
     def wet(self, x: float, y: float, radius: float, amount: float) -> int:
         """Adds `amount` (below 0: takes water away) to the wetness, 0 … 1, of the grains within `radius` of (x, y) [m], and wakes who
         sleeps; returns how many grains these are. SandError without the effect `moisture`.

@@ -95,6 +95,7 @@ def test_sums_and_order(arch: str) -> None:
     column.from_numpy(values)
     put_in_order()
     assert (column.to_numpy()[: rows // 8 * 8].reshape(-1, 8) == np.sort(values[: rows // 8 * 8].reshape(-1, 8), axis=1)).all()
+    ti.reset()
 
 
 def test_goes_on_to_the_same_bits(arch: str) -> None:

@@ -1,15 +1,24 @@
 """Fields read and written where they lie in memory: the same numbers as by Taichi's own kernels."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 import taichi as ti
 from helpers import fresh_taichi
 
-from taichi_sand.world import device, direct
+from taichi_sand.world import device, direct, fields
 
 
 class User:
     """Somebody who starts Taichi."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def nothing_left() -> Iterator[None]:
+    """Fields of a test, which kernels hold, would keep Taichi from being started afresh."""
+    yield
+    ti.reset()
 
 
 @pytest.fixture
@@ -21,17 +30,17 @@ def user() -> User:
 
 
 MAKES = {
-    "f32": lambda: ti.field(ti.f32, 5),
-    "f64, two axes": lambda: ti.field(ti.f64, (3, 4)),
-    "one i32": lambda: ti.field(ti.i32, ()),
-    "u8": lambda: ti.field(ti.u8, 7),
-    "u64": lambda: ti.field(ti.u64, 2),
-    "vectors": lambda: ti.Vector.field(3, ti.f32, 5),
-    "vectors apart": lambda: ti.Vector.field(2, ti.f64, (4, 3), layout=ti.Layout.SOA),
+    "f32": lambda: fields.scalars(ti.f32, 5),
+    "f64, two axes": lambda: fields.scalars(ti.f64, (3, 4)),
+    "one i32": lambda: fields.scalars(ti.i32, ()),
+    "u8": lambda: fields.scalars(ti.u8, 7),
+    "u64": lambda: fields.scalars(ti.u64, 2),
+    "vectors": lambda: fields.vectors(3, ti.f32, 5),
+    "vectors apart": lambda: fields.vectors(2, ti.f64, (4, 3), layout=ti.Layout.SOA),
 }
 OTHERS = {
-    "matrices": lambda: ti.Matrix.field(2, 2, ti.f32, 3),
-    "columns first": lambda: ti.field(ti.i32, (3, 4), order="ji"),
+    "matrices": lambda: direct.adopt(ti.Matrix.field(2, 2, ti.f32, 3)),
+    "columns first": lambda: direct.adopt(ti.field(ti.i32, (3, 4), order="ji")),
 }
 
 
@@ -43,13 +52,13 @@ def counted(field: ti.Field) -> np.ndarray:
 
 def own(field: ti.Field) -> np.ndarray:
     """What Taichi's own kernel reads."""
-    return direct.original[type(field), "to_numpy"](field)
+    return super(direct.Direct, field).to_numpy()
 
 
 @pytest.mark.parametrize("name", [*MAKES, *OTHERS])
 def test_as_taichi_does(name: str, user: User) -> None:
     """Arrays in and out, between two neighbours that stay as they are."""
-    before, field, after = ti.field(ti.f32, 4), {**MAKES, **OTHERS}[name](), ti.field(ti.f32, 4)
+    before, field, after = fields.scalars(ti.f32, 4), {**MAKES, **OTHERS}[name](), fields.scalars(ti.f32, 4)
     assert (own(field) == 0).all() and direct.plain(direct.members_of(field)[0]) == (name != "columns first")
     values = counted(field)
     field.from_numpy(values)
@@ -77,13 +86,13 @@ def test_one_number_at_a_time(name: str, user: User) -> None:
 
 def test_beyond_the_end(user: User) -> None:
     with pytest.raises(IndexError):
-        ti.field(ti.f32, 3)[3]
+        fields.scalars(ti.f32, 3)[3]
 
 
 def test_members_of_a_struct(user: User) -> None:
     """What a kernel writes is read, and the other way round."""
     kind = ti.types.struct(a=ti.f32, b=ti.types.vector(2, ti.f64), c=ti.i32)
-    field = kind.field(shape=())
+    field = fields.record(kind)
 
     @ti.kernel
     def double():
@@ -98,19 +107,18 @@ def test_members_of_a_struct(user: User) -> None:
 def test_fields_made_later_and_after_a_fresh_start(user: User) -> None:
     """They lie elsewhere."""
     for _ in range(2):
-        one = ti.field(ti.i32, 3)
+        one = fields.scalars(ti.i32, 3)
         one.fill(1)
-        two = ti.field(ti.i32, 3)
+        two = fields.scalars(ti.i32, 3)
         two.fill(2)
         assert own(one).tolist() == [1, 1, 1] and own(two).tolist() == [2, 2, 2]
-        device.forget()
-        device.alive.clear()
+        device.abandon()
         device.start(user, "cpu", 1, 32)
 
 
 def test_what_does_not_fit(user: User) -> None:
     with pytest.raises(ValueError, match="does not fit"):
-        ti.field(ti.f32, 3).from_numpy(np.zeros(4, np.float32))
+        fields.scalars(ti.f32, 3).from_numpy(np.zeros(4, np.float32))
 
 
 def test_nothing_is_compiled_but_where_they_lie(user: User) -> None:

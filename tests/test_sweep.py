@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -203,10 +203,18 @@ def test_written_commands_give_the_same_files(undisturbed: Path, tmp_path: Path)
     assert {name: content for name, content in found.items() if not name.startswith("jobs/")} == files_of(undisturbed)
 
 
-def test_any_executor_gives_the_same_files(undisturbed: Path, tmp_path: Path) -> None:
-    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as executor:
+EXECUTORS = {
+    "processes": lambda: ProcessPoolExecutor(2, multiprocessing.get_context("spawn")),
+    "threads": lambda: ThreadPoolExecutor(2),
+}
+
+
+@pytest.mark.parametrize("kind", EXECUTORS)
+def test_any_executor_gives_the_same_files(kind: str, undisturbed: Path, tmp_path: Path) -> None:
+    stderr = sys.stderr
+    with EXECUTORS[kind]() as executor:
         found = sand.sweep(sand.load("settle", ["scale=0.05"]), {MU: "0.1..0.5:4"}, 3, seconds=0.05, executor=executor, folder=tmp_path)
-    assert (found.status == "done").all()
+    assert (found.status == "done").all() and sys.stderr is stderr
     assert (tmp_path / "sweep.csv").read_bytes() == (undisturbed / "sweep.csv").read_bytes()
 
 

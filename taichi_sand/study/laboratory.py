@@ -63,8 +63,7 @@ def fresh_taichi() -> None:
     """
     gc.collect()
     if device.alive:
-        device.alive.clear()
-        device.forget()
+        device.abandon()
 
 
 def simulate(discs: Sequence[Disc] | list[dict[str, Any]], size: Sequence[float], solver: dict[str, Any], **keys: Any) -> Any:

@@ -7,6 +7,7 @@ import numpy as np
 
 from taichi_sand.view.caption import Caption
 from taichi_sand.view.paint import Painter
+from taichi_sand.world.turns import turn
 from taichi_sand.world.wall_scene import standing_walls
 
 if TYPE_CHECKING:
@@ -18,13 +19,14 @@ _painters: WeakKeyDictionary["Simulation", Painter] = WeakKeyDictionary()
 
 def image(sim: "Simulation") -> np.ndarray:
     """This moment as an image, (height, width, 3) uint8, row 0 at the top; with a caption if the scene wants one."""
-    painter = painter_of(sim)
-    painter.walls = wall_lines(sim)
-    canvas = painter.paint(sim.time)
-    if sim.scene.view.caption:
-        caption = Caption(painter.width, painter.height, painter.scale)
-        caption.draw(canvas, sim.scene.title, facts(sim), painter.legend)
-    return painter.rgb(canvas)
+    with turn:
+        painter = painter_of(sim)
+        painter.walls = wall_lines(sim)
+        canvas = painter.paint(sim.time)
+        if sim.scene.view.caption:
+            caption = Caption(painter.width, painter.height, painter.scale)
+            caption.draw(canvas, sim.scene.title, facts(sim), painter.legend)
+        return painter.rgb(canvas)
 
 
 def painter_of(sim: "Simulation") -> Painter:

@@ -9,6 +9,8 @@ from typing import Any
 
 from taichi.lang.kernel_impl import Kernel
 
+from taichi_sand.world.direct import PLAIN
+
 spent = {"seconds": 0.0}
 """What first calls have taken in this process, of kernels from the cache on disk too [s]."""
 call = Kernel.__call__
@@ -30,5 +32,6 @@ def timed(self: Kernel, *args: Any, **kwargs: Any) -> Any:
 
 
 def watch() -> None:
-    """Times what is compiled from now on."""
-    Kernel.__call__ = timed
+    """Times what is compiled from now on in this process, unless PLAIN: then only what a simulation compiles as it is made is known."""
+    if not PLAIN:
+        Kernel.__call__ = timed

@@ -1,4 +1,4 @@
-"""Lets Python read and write fields of a CPU where they lie in memory.
+"""Lets Python read and write our fields of a CPU where they lie in memory; those of others stay as Taichi made them.
 
 Taichi 1.7 compiles kernels for that: one for every member of a struct that is read, and others for every field that is copied to or from
 NumPy. That took a third of the time of a start, and most of the memory that a simulation in a window holds. What does not lie in the
@@ -7,6 +7,7 @@ memory of a CPU as a plain table (on a GPU, or sparse) goes Taichi's way.
 
 import ctypes
 import math
+import os
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,7 +16,10 @@ import taichi as ti
 from taichi.lang import impl, util
 from taichi.lang.field import Field, ScalarField, SNodeHostAccessor
 from taichi.lang.matrix import MatrixField
+from taichi.lang.struct import StructField
 
+PLAIN = os.environ.get("TAICHI_SAND_PLAIN", "0") not in ("", "0")
+"""Whether Taichi is to be left as it is, in this and in world.haste: slower to start, to the same bits."""
 CPUS = (ti.x64, ti.arm64)
 DENSE, ROOT = (getattr(ti._lib.core.SNodeType, name) for name in ("dense", "root"))
 
@@ -59,47 +63,22 @@ def view(member: ScalarField) -> np.ndarray:
     return np.asarray(SimpleNamespace(__array_interface__=table))
 
 
-def members_of(field: Any) -> list[ScalarField]:
-    """The columns of a field, each of which holds one number a row."""
-    return [ScalarField(member) for member in field._get_field_members()]
+class Column(ScalarField):
+    """One number a row of a field, as we look at it."""
+
+
+def members_of(field: Any) -> list[Column]:
+    """The columns of a field."""
+    return [Column(member) for member in field._get_field_members()]
 
 
 def clear(field: Any) -> None:
     """Fills a plain field, or all members of a struct, with zeros."""
+    if PLAIN:
+        field.fill(0)
+        return
     for member in {one._snode.ptr.parent.id: one for one in members_of(field)}.values():
         ctypes.memset(start_of(member), 0, math.prod(member.shape) * member._snode.ptr.parent.cell_size_bytes)
-
-
-def read(self: Any, *given: Any, **named: Any) -> np.ndarray:
-    """In place of `to_numpy` of fields of numbers and of vectors."""
-    members = members_of(self)
-    if given or named or not plain(members[0]) or getattr(self, "ndim", 1) != 1:
-        return original[type(self), "to_numpy"](self, *given, **named)
-    if isinstance(self, ScalarField):
-        return view(members[0]).copy()
-    return np.stack([view(member) for member in members], axis=-1)
-
-
-def write(self: Any, values: np.ndarray) -> None:
-    """In place of `from_numpy`."""
-    members, width = members_of(self), (() if isinstance(self, ScalarField) else (self.n,))
-    if not plain(members[0]) or getattr(self, "ndim", 1) != 1:
-        original[type(self), "from_numpy"](self, values)
-        return
-    if values.shape != (*self.shape, *width):
-        raise ValueError(f"an array of shape {values.shape} does not fit a field of shape {(*self.shape, *width)}")
-    for k, member in enumerate(members):
-        view(member)[...] = values[..., k] if width else values
-
-
-def fill(self: Any, value: Any) -> None:
-    """In place of `fill`, of numbers: one for all."""
-    members = members_of(self)
-    if not impl.inside_kernel() and np.isscalar(value) and plain(members[0]):
-        for member in members:
-            view(member)[...] = value
-    else:
-        original[type(self), "fill"](self, value)
 
 
 class Accessor:
@@ -115,19 +94,59 @@ class Accessor:
         self.numbers[key[: self.numbers.ndim]] = value
 
 
-def open_up(self: Field) -> None:
-    """In place of `_initialize_host_accessors`."""
-    if not self.host_accessors:
-        impl.get_runtime().materialize()
+class Direct(Field):
+    """What a field of ours does in its own way."""
+
+    ndim: int
+    n: int
+
+    def _initialize_host_accessors(self) -> None:
+        if not self.host_accessors:
+            impl.get_runtime().materialize()
+            members = members_of(self)
+            self.host_accessors = [Accessor(view(one)) if plain(one) else SNodeHostAccessor(one._snode.ptr) for one in members]
+
+    def to_numpy(self, *given: Any, **named: Any) -> np.ndarray:
         members = members_of(self)
-        self.host_accessors = [Accessor(view(one)) if plain(one) else SNodeHostAccessor(one._snode.ptr) for one in members]
+        if given or named or not plain(members[0]) or getattr(self, "ndim", 1) != 1:
+            return super().to_numpy(*given, **named)
+        if isinstance(self, ScalarField):
+            return view(members[0]).copy()
+        return np.stack([view(member) for member in members], axis=-1)
+
+    def from_numpy(self, values: np.ndarray) -> None:
+        members, width = members_of(self), (() if isinstance(self, ScalarField) else (self.n,))
+        if not plain(members[0]) or getattr(self, "ndim", 1) != 1:
+            super().from_numpy(values)
+            return
+        if values.shape != (*self.shape, *width):
+            raise ValueError(f"an array of shape {values.shape} does not fit a field of shape {(*self.shape, *width)}")
+        for k, member in enumerate(members):
+            view(member)[...] = values[..., k] if width else values
+
+    def fill(self, value: Any) -> None:
+        """With one number for all, where they lie."""
+        members = members_of(self)
+        if not impl.inside_kernel() and np.isscalar(value) and plain(members[0]):
+            for member in members:
+                view(member)[...] = value
+        else:
+            super().fill(value)
 
 
-original = {(kind, name): getattr(kind, name) for kind in (ScalarField, MatrixField) for name in ("to_numpy", "from_numpy", "fill")}
+class DirectScalars(Direct, ScalarField):
+    """A field of numbers."""
 
 
-def reach_in() -> None:
-    """Puts these in the place of Taichi's own."""
-    Field._initialize_host_accessors = open_up
-    for kind in (ScalarField, MatrixField):
-        kind.to_numpy, kind.from_numpy, kind.fill = read, write, fill
+class DirectVectors(Direct, MatrixField):
+    """A field of vectors, or matrices."""
+
+
+def adopt(field: Any) -> Any:
+    """The same field, of a struct all its members, read and written directly from now on, unless PLAIN."""
+    if isinstance(field, StructField):
+        for member in field._members:
+            adopt(member)
+    elif not PLAIN:
+        field.__class__ = DirectScalars if isinstance(field, ScalarField) else DirectVectors
+    return field

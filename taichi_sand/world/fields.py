@@ -7,6 +7,7 @@ orders sums, and so the last bits.)
 """
 
 import dataclasses
+import gc
 import math
 import weakref
 from collections.abc import Callable, Iterator
@@ -15,10 +16,13 @@ from contextvars import ContextVar
 from typing import Any
 
 import taichi as ti
+from taichi.lang._ndarray import Ndarray
+from taichi.lang._texture import Texture
+from taichi.lang.field import Field
 
 from taichi_sand.files.memory import available
 from taichi_sand.scene.errors import SandError
-from taichi_sand.world.direct import clear
+from taichi_sand.world.direct import Column, adopt, clear
 
 BYTES = 4
 """Of a number, at least."""
@@ -64,6 +68,7 @@ class Shelf:
         self.kits: list[Kit] = []  # that nobody uses
         self.open: Kit | None = None  # that is being taken from; None: what is asked for is for good
         self.things: dict[Any, Any] = {}  # what `same` has seen
+        self.known = {id(thing): weakref.ref(thing) for thing in in_python()}  # fields that are no more, and ours
 
     def take(self, request: tuple, make: Callable[[], Any], numbers: int) -> Any:
         """A field full of zeros."""
@@ -71,9 +76,12 @@ class Shelf:
         def count_and_make() -> Any:
             spend(numbers)
             self.numbers += numbers
-            return make()
+            field = adopt(make())
+            for part in parts_of(field):
+                self.known[id(part)] = weakref.ref(part)
+            return field
 
-        return self.open.take(request, count_and_make) if self.open else make()
+        return self.open.take(request, count_and_make) if self.open else count_and_make()
 
     def lend(self, kit: Kit, lay: Callable[[], None]) -> bool:
         """Calls `lay` with this kit; whether that fitted."""
@@ -86,6 +94,27 @@ class Shelf:
         finally:
             self.open = None
         return True
+
+    def idle(self) -> int:
+        """Numbers in fields that nobody uses."""
+        return sum(math.prod(field.shape) * getattr(field, "n", 1) for kit in self.kits for field in kit.fields)
+
+
+def in_python() -> list[Any]:
+    """All that Python holds of fields and arrays of Taichi, somebody else's too."""
+    return [thing for thing in gc.get_objects() if issubclass(type(thing), (Field, Ndarray, Texture)) and type(thing) is not Column]
+
+
+def parts_of(field: Any) -> list[Any]:
+    """A field, the members of a struct, and what Taichi makes beside them for derivatives."""
+    beside = [one for one in (field.grad, field.dual, *getattr(field, "field_dict", {}).values()) if one is not None]
+    return [field, *(part for one in beside for part in parts_of(one))]
+
+
+def others() -> bool:
+    """Whether somebody else has fields or arrays in the Taichi that runs."""
+    gc.collect()
+    return any(id(thing) not in shelf.known or shelf.known[id(thing)]() is not thing for thing in in_python())
 
 
 left: ContextVar[float] = ContextVar("left", default=math.inf)
@@ -125,8 +154,9 @@ def start_afresh() -> None:
     shelf = Shelf()
 
 
-def lend(owner: Any, lay: Callable[[], None], keep: bool) -> None:
-    """Calls `lay`, which asks for fields, until there are some of the kind it wants; they are `owner`'s until it is gone.
+def lend(owner: Any, lay: Callable[[], None], keep: bool) -> Callable[[], Any]:
+    """Calls `lay`, which asks for fields, until there are some of the kind it wants; they are `owner`'s until it is gone, or what this
+    returns is called.
 
     `lay` may be called more than once. Unless `keep`, what is made is not lent again.
     """
@@ -136,8 +166,9 @@ def lend(owner: Any, lay: Callable[[], None], keep: bool) -> None:
     else:
         fitting = Kit()
         shelf.lend(fitting, lay)
-    if keep:
-        weakref.finalize(owner, shelf.kits.append, fitting).atexit = False
+    back = weakref.finalize(owner, shelf.kits.append if keep else list, fitting)
+    back.atexit = False
+    return back
 
 
 def scalars(kind: Any, shape: Any) -> Any:

@@ -11,6 +11,8 @@ from typing import Any
 from taichi.lang import kernel_impl
 from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
 
+from taichi_sand.world.direct import PLAIN
+
 sources: dict[CodeType, tuple[list[str], int]] = {}
 """Lines of functions, and the number of their first; by code, as functions themselves may hold on to fields."""
 
@@ -37,6 +39,8 @@ original = kernel_impl.getsourcelines
 
 
 def hasten() -> None:
-    """Puts these in the place of Taichi's own, for all kernels compiled from now on."""
+    """Puts these in the place of Taichi's own, for all kernels compiled from now on in this process, unless PLAIN."""
+    if PLAIN:
+        return
     kernel_impl.getsourcelines = lines_of
     ASTTransformerContext.get_pos_info = where

@@ -6,6 +6,7 @@ import io
 import json
 import math
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +19,9 @@ PIECE = 1 / 60
 """Simulated time between two looks at the clock [s]."""
 TIMINGS = ("wall_time_s", "compile_time_s", "real_time_factor", "ns_per_grain_step", "stages_s", "threads")
 """What of a report differs from run to run of the same scene: left out, so that equal runs are equal files."""
+
+ALONE = threading.Lock()
+"""Of one run in a process at a time: stderr and the registry of effects are the process's."""
 
 
 class TooLong(Exception):
@@ -33,7 +37,7 @@ def simulate(job: Job, timeout: float | None = None) -> dict[str, bytes]:
     try:
         if job.refusal:
             raise SandError(job.refusal)
-        with contextlib.redirect_stderr(noise):
+        with ALONE, contextlib.redirect_stderr(noise):
             report, series = _run(job, timeout)
     except SandError as error:
         return files | {"failed.json": failure("refused", str(error))}
