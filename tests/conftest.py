@@ -1,5 +1,6 @@
 """Shared by all tests: Taichi keeps quiet and keeps its cache of compiled kernels."""
 
+import gc
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,10 +18,16 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.fixture(scope="module", autouse=True)
 def nobody_elses_simulation() -> None:
-    """Fixtures of another file may still hold theirs, on other threads or of other precision."""
+    """Fixtures of another file may still hold theirs, on other threads or of other precision.
+
+    What is there when a file begins, modules mostly, is looked at by no later collection of garbage: each test that makes a simulation
+    has one, and it would take longer than the test.
+    """
     from taichi_sand.study.laboratory import fresh_taichi
 
     fresh_taichi()
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture

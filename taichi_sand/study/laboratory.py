@@ -61,7 +61,8 @@ def fresh_taichi() -> None:
 
     Simulations that somebody still holds are dead from then on: a test uses one at a time. (A failed one lives on in its traceback.)
     """
-    gc.collect()
+    if device.alive:
+        gc.collect()
     if device.alive:
         device.abandon()
 
