@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 from taichi_sand import Scene
 from taichi_sand.scene import loading
 from taichi_sand.scene.errors import SandError
+from taichi_sand.scene.grains import Pack
 from taichi_sand.scene.nearby import close_pairs, off_walls, segments
-from taichi_sand.scene.packing import Pack, pack
+from taichi_sand.scene.packing import pack
 
 ROUNDING = 1e-9
 

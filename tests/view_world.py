@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sand.scene.packing import Pack
+from taichi_sand.scene.grains import Pack
 from taichi_sand.scene.schema import Scene
 from taichi_sand.world import device
 from taichi_sand.world.build import fill, make_world

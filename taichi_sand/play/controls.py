@@ -1,6 +1,6 @@
 """From the mouse and the keys to actions."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import taichi as ti
 
@@ -10,9 +10,6 @@ from taichi_sand.play.panel import Zone
 from taichi_sand.scene import loading
 from taichi_sand.scene.errors import SandError
 from taichi_sand.view.views import views_of
-
-if TYPE_CHECKING:
-    from taichi_sand.play.window import Window
 
 WHEEL = 1.15
 """The brush grows by this factor a notch."""
@@ -26,7 +23,7 @@ SPEEDS = (0.05, 4.0)
 class Controls:
     """What the user does, of one window."""
 
-    def __init__(self, window: "Window") -> None:
+    def __init__(self, window: Any) -> None:
         self.window, self.session = window, window.session
         self.paused = False
         self.due = 0  # steps to do although it is paused

@@ -5,7 +5,7 @@ import contextlib
 import time
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from taichi_sand.world import checkpoint
 
 if TYPE_CHECKING:
     from taichi_sand.play.session import Session
-    from taichi_sand.play.window import Window
 
 FPS = 30
 MOST_BEHIND = 5
@@ -45,7 +44,7 @@ def read(path: Path) -> str:
     return base64.b64encode(to_bytes(Snapshot(Host.from_json(about["host"]), fields))).decode()
 
 
-def save_picture(window: "Window") -> Path:
+def save_picture(window: Any) -> Path:
     """What the window shows, as PNG."""
     path = free_name(window.folder, window.name, ".png")
     width, height = window.screen.size

@@ -16,7 +16,8 @@ from taichi_sand.play import knobs, transfer
 from taichi_sand.play.brush import Brush
 from taichi_sand.play.history import History
 from taichi_sand.play.snapshot import Snapshot, from_bytes, restore, take, to_bytes
-from taichi_sand.play.tools import TOOLS, Stroke
+from taichi_sand.play.stroke import Stroke
+from taichi_sand.play.tools import TOOLS
 from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.schema import Scene
 from taichi_sand.simulation import Simulation

@@ -3,11 +3,12 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from taichi_sand.play import wall_tools
+from taichi_sand.play.stroke import Stroke
 from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.nearby import segments
 from taichi_sand.scene.scatter import Taken
@@ -15,9 +16,6 @@ from taichi_sand.simulation import Simulation
 from taichi_sand.world import census, hand
 from taichi_sand.world.build import EARTH
 from taichi_sand.world.wall_scene import standing_walls
-
-if TYPE_CHECKING:
-    from taichi_sand.play.session import Session
 
 """Forces of the hand go with the gravity of the scene, or with this one [m/s2] where the scene has less."""
 GRAB_HZ, GRAB_DAMPING = 5.0, 0.7
@@ -31,52 +29,6 @@ DARTS, POURED = 120, 4
 POUR_SPEED = 0.5
 WETTED = 0.02
 """Water that `wet` adds and `dry` takes a frame, as a share of the pores."""
-
-
-class Stroke:
-    """One stroke of a tool, from press to release."""
-
-    def __init__(self, session: "Session", tool: "Tool") -> None:
-        self.session, self.tool = session, tool
-        self.x = self.y = 0.0
-        self.vx = self.vy = 0.0
-        self.phase = "press"
-        self.path: list[np.ndarray] = []  # of the hand, for tools that draw [m]
-
-    def move(self, phase: str, x: float, y: float, vx: float, vy: float) -> None:
-        """The hand is at (x, y) [m] and moves [m/s]; once a frame, even if it stands still."""
-        self.phase, self.x, self.y, self.vx, self.vy = phase, x, y, vx, vy
-        self.tool.work(self)
-
-    def end(self) -> None:
-        """The button was let go, or another tool chosen."""
-        self.hand(work=hand.IDLE)
-        if self.tool.finish:
-            self.tool.finish(self)
-
-    @property
-    def sim(self) -> Simulation:
-        """What it acts on."""
-        return self.session.sim
-
-    @property
-    def place(self) -> np.ndarray:
-        """Where the hand is [m]."""
-        return np.array([self.x, self.y])
-
-    def hand(self, **values: Any) -> None:
-        """What the kernels see of the hand."""
-        now = self.sim.hand.now
-        if values.get("work") == hand.IDLE:
-            now[None].work = hand.IDLE
-            return
-        now[None] = {**hand.REST, "place": (self.x, self.y), "velocity": (self.vx, self.vy), **values}
-
-    def under(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Slots under the brush; and of all grains x, y, radius, and id, kind, whether fixed."""
-        places, whole = census.places(self.sim.world)
-        near = np.hypot(*(places[:, :2] - self.place).T) < self.session.brush.size
-        return np.flatnonzero(near), places, whole
 
 
 def create(stroke: Stroke) -> None:

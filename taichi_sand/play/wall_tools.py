@@ -1,18 +1,15 @@
 """Walls by hand: a stroke draws one, another rubs out what is under the brush."""
 
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taichi_sand.play.stroke import Stroke
 from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.moving import moves
 from taichi_sand.scene.nearby import near_walls, off_walls, segments
 from taichi_sand.world import census
 from taichi_sand.world.wall_scene import standing_walls
-
-if TYPE_CHECKING:
-    from taichi_sand.play.tools import Stroke
 
 STEP, FLAT = 0.25, 0.15
 """A stroke is followed in steps of this length, and drawn by straight parts that are nowhere farther off than this [d]."""
@@ -20,7 +17,7 @@ SHORTEST = 0.5
 """Nothing shorter is drawn, or left over where walls are rubbed out [d]."""
 
 
-def draw(stroke: "Stroke") -> None:
+def draw(stroke: Stroke) -> None:
     """Follows the hand, within the box; `build` makes a wall of it."""
     place = np.clip(stroke.place, 0.0, stroke.sim.scene.size)
     far = not stroke.path or np.hypot(*(place - stroke.path[-1])) > STEP * stroke.sim.bed.diameter
@@ -28,7 +25,7 @@ def draw(stroke: "Stroke") -> None:
         stroke.path.append(place)
 
 
-def build(stroke: "Stroke") -> None:
+def build(stroke: Stroke) -> None:
     """The line that was drawn becomes a wall. The grains that it would cut through are taken out, and it says how many."""
     sim, path = stroke.sim, np.array(stroke.path)
     diameter = sim.bed.diameter
@@ -44,7 +41,7 @@ def build(stroke: "Stroke") -> None:
         stroke.session.message = f"{len(slots)} {'grain' if len(slots) == 1 else 'grains'} stood in the way of the wall: taken out"
 
 
-def cut_through(stroke: "Stroke", points: np.ndarray) -> np.ndarray:
+def cut_through(stroke: Stroke, points: np.ndarray) -> np.ndarray:
     """Slots of the free grains that a wall through `points` [m] would cut: deeper than what the tolerance lets overlap."""
     sim = stroke.sim
     places, whole = census.places(sim.world)
@@ -55,7 +52,7 @@ def cut_through(stroke: "Stroke", points: np.ndarray) -> np.ndarray:
     return np.unique(grain[deep & (whole[grain, 2] == 0)])
 
 
-def erase(stroke: "Stroke") -> None:
+def erase(stroke: Stroke) -> None:
     """Rubs out the parts of walls that lie under the brush; the edges of the box and walls that move stay."""
     sim, left, kept = stroke.sim, [], False
     for wall, points in zip(sim.scene.walls, standing_walls(sim.world, sim.scene), strict=True):

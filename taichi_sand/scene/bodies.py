@@ -1,21 +1,18 @@
 """Bodies that bonds hold together: shapes taken apart into discs, and which discs of a body are neighbours."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taichi_sand.scene.grains import Pack
 from taichi_sand.scene.nearby import close_pairs
 from taichi_sand.scene.shapes import Form, inertia, mass
-
-if TYPE_CHECKING:
-    from taichi_sand.scene.packing import Pack
 
 TOUCH = 1e-6
 """Neighbours that are farther apart than a bond reaches by this share of their distance are neighbours still: rounding."""
 
 
-def taken_apart(part: "Pack", form: Form, disc: Form, density: float) -> "Pack":
+def taken_apart(part: Pack, form: Form, disc: Form, density: float) -> Pack:
     """The grains of one table, all of this form, as the discs that they are made of, which move as the rigid grain would."""
     count, parts = len(part), len(form.discs)
     if parts == 1:
@@ -40,7 +37,7 @@ def taken_apart(part: "Pack", form: Form, disc: Form, density: float) -> "Pack":
     )
 
 
-def neighbours(grains: "Pack", reach: float) -> np.ndarray:
+def neighbours(grains: Pack, reach: float) -> np.ndarray:
     """Pairs (n, 2) of grains of one body whose surfaces are at most `reach` of their mean diameter apart, in order."""
     bonded = np.flatnonzero(grains.body >= 0)
     if not len(bonded):

@@ -1,16 +1,13 @@
 """What the keys of a scene file must hold to together; each check raises `Wrong`, which the schema turns into a SandError."""
 
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-from taichi_sand.scene.errors import show, suggest
+from taichi_sand.scene.errors import Wrong, show, suggest
 from taichi_sand.scene.rows import LENGTHS
 from taichi_sand.scene.shapes import BUILT_IN, joined, overlapping
-
-if TYPE_CHECKING:
-    from taichi_sand.scene.schema import Grains, Scene, Shape, Solver, Source, Wall
 
 OWNED = {
     "rigid": ("substeps", "hertz"),
@@ -20,20 +17,12 @@ OWNED = {
 SMALLEST, LARGEST = 1e-6, 1e6  # radius of a disc, side of the box [m]: what 32 bits can hold the inertia and the places of
 
 
-class Wrong(ValueError):
-    """What is wrong with a key of the table being checked; `text` follows the name of the key, which may be ""."""
-
-    def __init__(self, name: str, text: str) -> None:
-        super().__init__(text)
-        self.name = name
-
-
 def foreign(kind: str) -> tuple[str, ...]:
     """Returns the keys of [solver] that have no meaning for this kind."""
     return tuple(name for other, names in OWNED.items() if other != kind for name in names)
 
 
-def solver(table: "Solver") -> None:
+def solver(table: Any) -> None:
     """Keys of the other kind, keys that exclude each other, and what a custom law needs."""
     given = {name for name in table.model_fields_set if getattr(table, name) != type(table).model_fields[name].default}
     for name in foreign(table.kind):
@@ -58,7 +47,7 @@ def solver(table: "Solver") -> None:
         )
 
 
-def grains(table: "Grains") -> None:
+def grains(table: Any) -> None:
     """Either places or a region to fill; a radius from one side; keys that belong to a pattern."""
     if table.radius is not None:
         _ordered("radius", table.radius, SMALLEST)
@@ -86,13 +75,13 @@ def region(box: tuple[float, float, float, float]) -> None:
         raise Wrong("region", f" = {show(box)} must be [x0, y0, x1, y1] with x0 < x1 and y0 < y1")
 
 
-def source(table: "Source") -> None:
+def source(table: Any) -> None:
     """A radius from low to high, and a region in order."""
     _ordered("radius", table.radius, SMALLEST)
     region(table.region)
 
 
-def _rows(table: "Grains") -> None:
+def _rows(table: Any) -> None:
     assert table.positions is not None
     if not table.positions:
         raise Wrong("positions", " = [] holds no grains")
@@ -110,7 +99,7 @@ def _rows(table: "Grains") -> None:
         raise Wrong("radius", " is missing: radius of a disc (m), as a key or as third number of the rows of `positions`")
 
 
-def shape(table: "Shape") -> None:
+def shape(table: Any) -> None:
     """A name of its own, discs of some size, and one piece."""
     if table.name in BUILT_IN:
         raise Wrong("name", f' = "{table.name}" is a shape that there is already')
@@ -121,7 +110,7 @@ def shape(table: "Shape") -> None:
         raise Wrong("discs", " must hang together: each disc must touch or overlap another one")
 
 
-def wall(table: "Wall") -> None:
+def wall(table: Any) -> None:
     """No segment without length: it would have no direction; and keys of a motion that fit together."""
     points = table.points + (table.points[:1] if table.closed else ())
     for index, (start, end) in enumerate(pairwise(points)):
@@ -131,7 +120,7 @@ def wall(table: "Wall") -> None:
     _moving_wall(table)
 
 
-def _moving_wall(table: "Wall") -> None:
+def _moving_wall(table: Any) -> None:
     """What belongs to a motion that there is."""
     if table.pivot is not None and not table.spin:
         raise Wrong("pivot", " needs a `spin`")
@@ -148,7 +137,7 @@ SHOWS = {"temperature": "heat", "moisture": "moisture"}
 """Values of view.color that there are only with an effect."""
 
 
-def scene(table: "Scene") -> None:
+def scene(table: Any) -> None:
     """What must lie inside the box, and edges that come in pairs."""
     if min(table.size) <= 0 or max(table.size) > LARGEST:
         raise Wrong("size", f" = {show(table.size)} must be greater than 0 and at most {LARGEST:g} m both ways")
@@ -184,7 +173,7 @@ def scene(table: "Scene") -> None:
         raise Wrong("view.color", f' = "{table.view.color}" needs a table [effects.{shown}]')
 
 
-def _flow(table: "Scene", names: list[str]) -> None:
+def _flow(table: Any, names: list[str]) -> None:
     """Sources and sinks lie in the box; a source knows its shape, and has room for its largest grain."""
     for kind in ("sources", "sinks"):
         for index, item in enumerate(getattr(table, kind)):
@@ -199,17 +188,17 @@ def _flow(table: "Scene", names: list[str]) -> None:
             raise Wrong(f"{name}.region", f" = {show(item.region)} is narrower than its largest grain, {widest:g} m")
 
 
-def _box(table: "Scene") -> str:
+def _box(table: Any) -> str:
     return f"x 0 … {table.size[0]:g}, y 0 … {table.size[1]:g} m"
 
 
-def _outside(table: "Scene", points: np.ndarray) -> np.ndarray:
+def _outside(table: Any, points: np.ndarray) -> np.ndarray:
     """Which points (n, 2) lie outside the box, by more than what rounding does."""
     slack = 1e-9 * max(table.size)
     return np.any((points < -slack) | (points > np.asarray(table.size) + slack), axis=1)
 
 
-def _inside(table: "Scene", name: str, points: np.ndarray) -> None:
+def _inside(table: Any, name: str, points: np.ndarray) -> None:
     for index in np.flatnonzero(_outside(table, points))[:1]:
         raise Wrong(f"{name}[{index}]", f" = {show(points[index].tolist())} lies outside the box, {_box(table)}")
 

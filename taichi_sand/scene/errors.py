@@ -44,3 +44,11 @@ def show(value: Any, most: int = 60) -> str:
     else:
         text = str(value)
     return text if len(text) <= most else text[: most - 1] + "…"
+
+
+class Wrong(ValueError):
+    """What is wrong with a key of the table being checked; `text` follows the name of the key, which may be ""."""
+
+    def __init__(self, name: str, text: str) -> None:
+        super().__init__(text)
+        self.name = name

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from taichi_sand.scene.packing import Pack
+from taichi_sand.scene.grains import Pack
 
 PULLED = 0.8
 """Bridges that pull with the weight of n grains add to the overlaps so many times what n grains on top do (md, damp walls: 0.76)."""

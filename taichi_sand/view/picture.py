@@ -1,6 +1,6 @@
 """The picture of a simulation, as its scene wants it: what `sim.image()` gives and a film is made of."""
 
-from typing import TYPE_CHECKING
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -10,14 +10,11 @@ from taichi_sand.view.paint import Painter
 from taichi_sand.world.turns import turn
 from taichi_sand.world.wall_scene import standing_walls
 
-if TYPE_CHECKING:
-    from taichi_sand.simulation import Simulation
-
 SIDES = ("left", "right", "bottom", "top")
-_painters: WeakKeyDictionary["Simulation", Painter] = WeakKeyDictionary()
+_painters: WeakKeyDictionary[Any, Painter] = WeakKeyDictionary()
 
 
-def image(sim: "Simulation") -> np.ndarray:
+def image(sim: Any) -> np.ndarray:
     """This moment as an image, (height, width, 3) uint8, row 0 at the top; with a caption if the scene wants one."""
     with turn:
         painter = painter_of(sim)
@@ -29,7 +26,7 @@ def image(sim: "Simulation") -> np.ndarray:
         return painter.rgb(canvas)
 
 
-def painter_of(sim: "Simulation") -> Painter:
+def painter_of(sim: Any) -> Painter:
     """The painter of a simulation: made once, as the scene's [view] says."""
     painter = _painters.get(sim)
     if painter is None or painter.world is not sim.world:
@@ -48,7 +45,7 @@ def painter_of(sim: "Simulation") -> Painter:
     return painter
 
 
-def facts(sim: "Simulation") -> list[str]:
+def facts(sim: Any) -> list[str]:
     """What the caption says of this moment: time, grains, how it is computed."""
     grains, solver = sim.count, sim.scene.solver
     return [
@@ -58,7 +55,7 @@ def facts(sim: "Simulation") -> list[str]:
     ]
 
 
-def wall_lines(sim: "Simulation") -> np.ndarray:
+def wall_lines(sim: Any) -> np.ndarray:
     """Walls where they are now, as straight parts: x, y of one end, x, y of the other [m]; shape (n, 4)."""
     lines = [np.hstack([corners[:-1], corners[1:]]) for corners in standing_walls(sim.world, sim.scene)]
     return np.concatenate([np.empty((0, 4)), *lines])

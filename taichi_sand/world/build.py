@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from taichi_sand.scene.packing import Pack, parted
+from taichi_sand.scene.grains import Pack
+from taichi_sand.scene.packing import parted
 from taichi_sand.world import fields, flags
 from taichi_sand.world.boulders import part_boulders
 from taichi_sand.world.carried import allocate_carried

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from taichi_sand.scene.grains import Pack
 from taichi_sand.scene.nearby import segments
-from taichi_sand.scene.packing import Pack
 from taichi_sand.scene.room import Room
 from taichi_sand.scene.shapes import inertia, mass
 from taichi_sand.world import census

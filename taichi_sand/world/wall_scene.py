@@ -7,7 +7,7 @@ import numpy as np
 import taichi as ti
 
 from taichi_sand.scene import moving
-from taichi_sand.scene.packing import Pack
+from taichi_sand.scene.grains import Pack
 from taichi_sand.world.movers import BLUR, HIT, JAMMED, TOLERANCES, Movers, allocate_movers, hours, set_out
 from taichi_sand.world.pairs import MOST_REACH
 from taichi_sand.world.rest import wake
