@@ -363,7 +363,6 @@ def hard_cases() -> str:
     """The hard cases, with the case of the case book that each is."""
     from taichi_sand.study import stress
 
-    stress.rows("", (), ())
     rows = []
     for case in stress.CASES.values():
         found = re.fullmatch(r"(.*?)(?: \(([A-Z]\d+(?:, [A-Z]\d+)*)\))?", case.setup)
@@ -412,7 +411,6 @@ def law_tests() -> str:
     for case in CASES:
         for number in cited(case.name) & set(known):
             found[number]["validate"].add("yes")
-    stress.rows("", (), ())
     for hard in stress.CASES.values():
         for number in cited(hard.setup) & set(known):
             found[number]["stress"].add(code(hard.name))

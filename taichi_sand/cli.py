@@ -1,18 +1,16 @@
 """The command `taichi-sand`. Exit status: 0 done, 1 the physics failed a check, 2 wrong input, 130 interrupted; see `leaving`."""
 
-import math
 import sys
 import tomllib
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 import typer.core
 
 import taichi_sand
-from taichi_sand import effects, leaving, printing
+from taichi_sand import cli_study, cli_sweep, effects, leaving, printing
+from taichi_sand.cli_options import Arch, Effects, Overrides, Precision, SceneName, Seconds, Threads, check_seconds, progress_bar
 from taichi_sand.files import jsons, writing
 from taichi_sand.files.reading import starts_with
 from taichi_sand.leaving import in_one_sentence
@@ -31,35 +29,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="Path of a scene file, or name of a bundled scene.")]
-Seconds = Annotated[float | None, typer.Option("--seconds", help="Simulated seconds; else the scene's duration.")]
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Any scene key by dotted path, such as solver.kind=md; repeatable."),
-]
-Effects = Annotated[
-    list[Path] | None,
-    typer.Option("--effect", metavar="FILE", help="Python file with an effect of your own, which is then on; repeatable."),
-]
-Arch = Annotated[Literal["cpu", "cuda", "vulkan", "metal", "gpu"], typer.Option("--arch", help="Where kernels run.")]
-Threads = Annotated[int | None, typer.Option("--threads", min=1, help="CPU threads; results do not depend on it.")]
-Precision = Annotated[int | None, typer.Option("--precision", metavar="32|64", help="Bits of a number in the solver.")]
-
-
-@contextmanager
-def progress_bar(label: str) -> Iterator[Callable[[float], None] | None]:
-    """A bar on stderr while it is a terminal, else None; it takes the share done."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(label, total=1.0)
-        yield lambda share: bar.update(task, completed=share)
 
 
 @app.callback(invoke_without_command=True)
@@ -84,7 +53,7 @@ def run(
 ) -> None:
     """Simulates without pictures and prints a report."""
     with in_one_sentence():
-        _check_seconds(seconds)
+        check_seconds(seconds)
         if save is not None:
             writing.check(save, "--save")
         asked = _overrides(overrides, **{"solver.precision": precision})
@@ -127,7 +96,7 @@ def render(
 ) -> None:
     """Simulates and films, without a display; SCENE may also be what `play --record` wrote."""
     with in_one_sentence():
-        _check_seconds(seconds)
+        check_seconds(seconds)
         if _is_recording(scene):
             _film_recording(Path(scene), out, fps, width, arch, threads)
             return
@@ -219,7 +188,7 @@ def effects_(
 ) -> None:
     """Shows what a scene compiles and allocates, what it leaves out, and what each effect costs."""
     with in_one_sentence():
-        _check_seconds(seconds)
+        check_seconds(seconds)
         loaded = taichi_sand.load(scene, _overrides(overrides, **{"solver.precision": precision}), effect or ())
         from taichi_sand.study import price
 
@@ -231,11 +200,6 @@ def effects_(
 def _overrides(given: list[str] | None, **flags: Any) -> list[str]:
     """`--set` overrides, and flags that stand for one, by the key they set; None = not given."""
     return [*(given or ()), *(f"{key}={value}" for key, value in flags.items() if value is not None)]
-
-
-def _check_seconds(seconds: float | None) -> None:
-    if seconds is not None and not (0 <= seconds < math.inf):
-        raise SandError(f"--seconds {seconds:g} must be a number of seconds, 0 or more")
 
 
 def _start(scene: str | None, overrides: list[str], own: list[Path] | None, arch: str, threads: int | None) -> Any:
@@ -258,12 +222,10 @@ def _resume(file: Path, scene: str | None, overrides: list[str], own: list[Path]
     return sim
 
 
+cli_study.register(app)
+cli_sweep.register(app)
+
+
 def main() -> None:
     """Entry point of the command."""
     leaving.run(app)
-
-
-from taichi_sand import cli_study, cli_sweep  # noqa: E402  they take what is defined above
-
-cli_study.register(app)
-cli_sweep.register(app)

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 import taichi_sand
-from taichi_sand import cli, printing
+from taichi_sand import cli_options, printing
 from taichi_sand.files import writing
 from taichi_sand.leaving import in_one_sentence
 from taichi_sand.scene.errors import PhysicsError, SandError
@@ -18,17 +18,17 @@ ErrorName = Annotated[str, typer.Option("--error", metavar="NAME", help="The err
 
 
 def cost(
-    scene: cli.SceneName,
+    scene: cli_options.SceneName,
     csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Writes the table as CSV.")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE.png", help="Draws cost against every error.")] = None,
     target: Annotated[float | None, typer.Option("--target", help="Prints the cheapest [solver] table with an error this small.")] = None,
     error: ErrorName = "overlap_p99",
     quick: Annotated[bool, typer.Option("--quick", help="Three tolerances and short runs: about a minute for 1000 grains.")] = False,
     full: Annotated[bool, typer.Option("--full", help="Also all integrators and both precisions.")] = False,
-    seconds: cli.Seconds = None,
-    overrides: cli.Overrides = None,
-    arch: cli.Arch = "cpu",
-    threads: cli.Threads = 1,
+    seconds: cli_options.Seconds = None,
+    overrides: cli_options.Overrides = None,
+    arch: cli_options.Arch = "cpu",
+    threads: cli_options.Threads = 1,
 ) -> None:
     """Shows what accuracy costs in time: runs the scene over tolerances and solvers."""
     with in_one_sentence():
@@ -38,7 +38,7 @@ def cost(
         from taichi_sand.study.plot import pyplot
         from taichi_sand.study.table import as_table, as_toml, legend, write_csv
 
-        cli._check_seconds(seconds)
+        cli_options.check_seconds(seconds)
         if error not in NAMES:
             raise SandError(f"--error {error}: must be one of {', '.join(NAMES)}")
         for option, file in (("--csv", csv), ("--plot", plot)):
@@ -48,7 +48,7 @@ def cost(
             pyplot()
         given = overrides or []
         ladder = {"seconds": seconds, "quick": quick, "full": full}
-        with cli.progress_bar("cost") as progress:
+        with cli_options.progress_bar("cost") as progress:
             found = study(lambda more: taichi_sand.load(scene, [*given, *more]), **ladder, arch=arch, threads=threads, progress=progress)
         if csv is not None:
             write_csv(found, csv)
@@ -79,7 +79,7 @@ def validate(
         if plot is not None:
             writing.check(plot, "--plot")
             ladder.pyplot()
-        with cli.progress_bar("validate") as progress:
+        with cli_options.progress_bar("validate") as progress:
             results = ladder.validate(quick, only, progress)
         if plot is not None:
             ladder.plot(results, plot)
@@ -117,7 +117,7 @@ def stress(
         if film is not None:
             writing.check(film / "any", "--film")
             film.mkdir(parents=True, exist_ok=True)
-        with cli.progress_bar("stress") as progress:
+        with cli_options.progress_bar("stress") as progress:
             done = hard.run_all(asked, min(jobs or CORES, len(asked)), film, progress)
         if as_json:
             print(json.dumps([row.to_dict() for row in done]))

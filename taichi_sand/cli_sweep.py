@@ -8,8 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from taichi_sand import cli
+from taichi_sand import cli_options
 from taichi_sand.files import writing
+from taichi_sand.leaving import in_one_sentence
 from taichi_sand.scene.errors import PhysicsError, SandError
 
 Vary = Annotated[
@@ -31,7 +32,7 @@ def sweep(
     vary: Vary = [],  # noqa: B006  typer copies it
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="Runs of every combination, each with a seed of its own.")] = 1,
     out: Folder = Path("sweep"),
-    seconds: cli.Seconds = None,
+    seconds: cli_options.Seconds = None,
     every: Every = None,
     measure: Measure = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE.png", help="Draws the first --measure: lines, or a map.")] = None,
@@ -47,12 +48,12 @@ def sweep(
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Does runs again that failed.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Says what would be run, and runs nothing.")] = False,
     one: Annotated[Path | None, typer.Option("--run", metavar="JOB", help="Runs one job that --write-commands wrote.")] = None,
-    overrides: cli.Overrides = None,
-    effect: cli.Effects = None,
-    arch: cli.Arch = "cpu",
+    overrides: cli_options.Overrides = None,
+    effect: cli_options.Effects = None,
+    arch: cli_options.Arch = "cpu",
 ) -> None:
     """Runs a scene over values of its keys and over seeds; what is done is not done again."""
-    with cli.in_one_sentence():
+    with in_one_sentence():
         from taichi_sand.study.sweep import engine, results
         from taichi_sand.study.sweep import grainlearning as files
         from taichi_sand.study.sweep.plot import plot as draw
@@ -61,7 +62,7 @@ def sweep(
         if one is not None:
             engine.run_written(one, timeout)
             return
-        cli._check_seconds(seconds)
+        cli_options.check_seconds(seconds)
         results.xarray()
         for file, option in ((plot, "--plot"), (write_commands, "--write-commands")):
             if file is not None:
@@ -80,7 +81,7 @@ def sweep(
             count = engine.write_commands(made, store, write_commands, retry_failed, timeout)
             print(f"{count} lines in {write_commands}; the same command without --write-commands takes their results in")
             return
-        with cluster(scheduler) as executor, cli.progress_bar("sweep") as progress:
+        with cluster(scheduler) as executor, cli_options.progress_bar("sweep") as progress:
             with engine.runner(workers or engine.CORES, executor, timeout) as run:
                 engine.execute(made, store, run, retry_failed, progress)
         found = results.write(made, store, engine.command_of(scene or "", made, asked, overrides or (), effect or ()))
@@ -92,23 +93,23 @@ def sweep(
 
 
 def calibrate(
-    scene: cli.SceneName,
+    scene: cli_options.SceneName,
     vary: Vary,
     measure: Annotated[str, typer.Option("--measure", metavar="NAME", help="A number of the report, or repose_angle.")],
     target: Annotated[float, typer.Option("--target", help="What was measured elsewhere.")],
     within: Annotated[float, typer.Option("--within", min=0.0, help="How far off the mean may be.")],
     out: Folder = Path("calibration"),
     most: Annotated[int, typer.Option("--runs", min=8, help="Most runs.")] = 24,
-    seconds: cli.Seconds = None,
+    seconds: cli_options.Seconds = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
     timeout: Timeout = None,
-    overrides: cli.Overrides = None,
-    effect: cli.Effects = None,
-    arch: cli.Arch = "cpu",
+    overrides: cli_options.Overrides = None,
+    effect: cli_options.Effects = None,
+    arch: cli_options.Arch = "cpu",
 ) -> None:
     """Finds the value of a key at which the scene measures --target, and says how sure it is; SPEC gives the range, as 0.1..0.8:2."""
-    with cli.in_one_sentence():
+    with in_one_sentence():
         from taichi_sand.measure.named import MEASURES
         from taichi_sand.study.sweep import calibrate as search
         from taichi_sand.study.sweep import engine
@@ -116,7 +117,7 @@ def calibrate(
         from taichi_sand.study.sweep.specs import parse
         from taichi_sand.study.sweep.store import Store
 
-        cli._check_seconds(seconds)
+        cli_options.check_seconds(seconds)
         search.optuna()
         writing.check(out, "--out", folder=True)
         ranges = search.ranges_of(dict(map(parse, vary)), {text.partition("=")[0]: "=log:" in text for text in vary})
@@ -124,7 +125,7 @@ def calibrate(
         asked = Asked(seconds, None, arch, engine.own_sources(effect or ()), named)
         load, store = engine.loader(scene, effect or (), overrides or ()), Store(out)
         many = workers or engine.CORES
-        with cluster(scheduler) as executor, cli.progress_bar("calibrate") as progress:
+        with cluster(scheduler) as executor, cli_options.progress_bar("calibrate") as progress:
             with engine.runner(many, executor, timeout) as run:
                 aim = (measure, target, within, asked, store, run)
                 found = search.calibrate(load, ranges, *aim, most=most, abreast=many, progress=progress)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 import taichi_sand as sand
+from taichi_sand.study.gates import DOWN, PILE, Gate, Watch, at_rest, case, inside, poured, rms_speed, sound
 from taichi_sand.study.laboratory import D, G, M, R, listed, simulate
-from taichi_sand.study.stress import DOWN, PILE, Gate, Watch, at_rest, case, inside, poured, rms_speed, sound
 from taichi_sand.world.hand import GRAB, IDLE
 
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from taichi_sand.solvers.tolerance import MD_CHAINS, RIGID_LOAD, SAG
+from taichi_sand.study.gates import DOWN, PILE, TOP_SPEED, UNIT, Gate, Watch, case, inside, poured, rms_speed, sound
 from taichi_sand.study.laboratory import OPEN, D, Disc, G, M, R, simulate
-from taichi_sand.study.stress import DOWN, PILE, TOP_SPEED, UNIT, Gate, Watch, case, inside, poured, rms_speed, sound
 from taichi_sand.world.hand import ATTRACT
 
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from taichi_sand.study.gates import DOWN, UNIT, Gate, Watch, case, poured
 from taichi_sand.study.laboratory import D, Disc, G, M, R, chain_forces, listed, simulate
-from taichi_sand.study.stress import DOWN, UNIT, Gate, Watch, case, poured
 
 
 def column_of(count: int, solver: dict[str, Any], settle: float) -> Iterator[Gate]:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 import taichi_sand as sand
+from taichi_sand.study.gates import DOWN, Gate, Watch, case, sound
 from taichi_sand.study.laboratory import D, G, R, simulate
-from taichi_sand.study.stress import DOWN, Gate, Watch, case, sound
 from taichi_sand.world.links import ends_of
 
 FLAT = {"name": "flat", "discs": [[x, y, 1.0] for x in (-3, -1, 1, 3) for y in (-3, -1, 1, 3) if 3 in (abs(x), abs(y))]}

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from taichi_sand.study.gates import DOWN, Gate, case
 from taichi_sand.study.laboratory import OPEN, D, G, R, listed, simulate
-from taichi_sand.study.stress import DOWN, Gate, case
 from taichi_sand.world.wall_scene import standing_walls
 
 PISTON = 4

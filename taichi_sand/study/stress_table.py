@@ -5,7 +5,8 @@ from itertools import groupby
 
 from rich.table import Table
 
-from taichi_sand.study.stress import TOP_SPEED, Gate, Row
+from taichi_sand.study.gates import TOP_SPEED, Gate
+from taichi_sand.study.stress import Row
 
 
 def as_table(done: list[Row]) -> Table:
