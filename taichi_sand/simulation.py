@@ -264,7 +264,7 @@ class Simulation(Tuning, Looking, Keeping, Readings):
         for name in ("step", "speed_cap", "alert", "deep", "growth", "settling", "spare"):
             setattr(self.world.pace[None], name, self.numbers.get(name, 0.0))
         self.world.pace[None].watch = min((max(1, math.floor(e.interval / self.step)) for e in marching.watchers(self.solver)), default=0)
-        set_patience(self.world, self.scene, self.numbers["speed_cap"])
+        set_patience(self.world, self.scene)
 
     def _march(self, count: int) -> None:
         marching.march(self.world, self.solver, self.steps, self.steps + count)

@@ -22,10 +22,11 @@ from taichi_sand.world.geometry import add, at_least, distance_to_second, movabl
 from taichi_sand.world.ledger import settle_work
 from taichi_sand.world.links import pull_links, settle_links
 from taichi_sand.world.motion import drift, with_body
-from taichi_sand.world.movers import feel, place_walls
+from taichi_sand.world.movers import place_walls
 from taichi_sand.world.servo import along_course, apart, bear, drives, nobody, weightless
 from taichi_sand.world.sweep import each_grain, each_pair, going, nothing, sweep, sweep_twice, sweeps_join
 from taichi_sand.world.tables import World, fill_struct
+from taichi_sand.world.wedge import feel, holds
 
 MEMORY = 1
 REFERENCE_SHARE = 0.83
@@ -196,9 +197,10 @@ def keep(w: ti.template(), s: ti.template(), c: ti.template(), p, carried, wall:
     lay_by(w, s, c, p, carried, wall, True)
     pairs = ti.static(w.pairs)
     gap, felt = pairs.gap[p], 0.0
-    if ti.static(wall and w.moves):
-        stiffness = c.bias_rate * c.rate * c.mass_scale / c.impulse_scale * pairs.mass[p]
-        felt = at_least(-gap, (s.reference[p] / stiffness - gap) / UNLOADED)
+    if ti.static(w.moves):
+        if holds(w, p, wall):
+            stiffness = c.bias_rate * c.rate * c.mass_scale / c.impulse_scale * pairs.mass[p]
+            felt = at_least(-gap, (s.reference[p] / stiffness - gap) / UNLOADED)
     feel(w, s, c, p, gap + pairs.contact_distance[p], pairs.normal[p], carried * c.rate, felt, wall)
 
 

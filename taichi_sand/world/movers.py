@@ -1,9 +1,9 @@
 """Walls that move: their clocks, where they are, how fast, and the lattice sites they are felt from.
 
 Every moving wall has a clock, and is where the scene says it is at the time that its clock shows (scene.moving). The clock keeps
-simulated time, unless grains are jammed in the way: a wall without `force` then slows down, waits and yields; one with `force` runs
-as that and what it meets make it (world.servo). Since the last search a wall has turned and shifted a little; its parts are listed
-anew, by lattice site, in every search.
+simulated time, unless grains are wedged between it and what it closes on, another wall or a fixed grain: a wall without `force` then
+slows down, waits and yields; one with `force` runs as that and what it meets make it (world.servo). Since the last search a wall has
+turned and shifted a little; its parts are listed anew, by lattice site, in every search.
 """
 
 from collections.abc import Sequence
@@ -15,22 +15,19 @@ import taichi as ti
 from taichi_sand.scene import moving
 from taichi_sand.world import fields
 from taichi_sand.world.flags import WALL_PAIRS_FULL, WALL_WAITS, flag
-from taichi_sand.world.geometry import at_least, carried_along
-from taichi_sand.world.ledger import drive
 from taichi_sand.world.tables import round_up, site_rows, write_rows
 
 JAMMED, TOLERANCES = 0.06, {"md": 3.0, "rigid": 1.5}
-"""Overlap with a wall at which it slows down: in mean diameters, or, if that is more, in tolerances. It waits at a quarter as much
-again, and yields from half as much again on: if it did not wait in between, it would follow the grains about for good. Rigid grains
-squeezed by a wall overlap one another several times as deep as the wall."""
-HIT = {"md": 1.0, "rigid": 0.0}
-"""What that is more for a wall as fast as the speed cap: soft grains overlap by its speed over that of sound as long as the wave that it
-sends through a bed is on its way; impacts of rigid ones are answered within a step."""
+"""Overlap with a wall at which it slows down, if something bears against it: in mean diameters, or, if that is more, in tolerances. It
+waits at a quarter as much again, and yields from half as much again on: if it did not wait in between, it would follow the grains about
+for good. Rigid grains squeezed by a wall overlap one another several times as deep as the wall."""
 BLUR = {"md": 20.0, "rigid": 1.0}
-"""Steps over which that overlap is averaged: soft grains that hit a wall overlap for as long as a collision lasts, which is no jam."""
+"""Steps over which overlaps are averaged: soft grains that hit a wall overlap for as long as a collision lasts, which is no jam."""
+LASTS = 4.0
+"""What bears against a wall is kept in mind for so many times as long: in a wedge the ends are pressed by turns."""
 
 
-SCALARS = ("lever", "force", "mass", "speed", "since", "rate", "onward", "phase", "press", "strain")
+SCALARS = ("lever", "force", "mass", "speed", "since", "rate", "onward", "phase", "press", "brace", "strain")
 
 
 class Movers(NamedTuple):
@@ -59,8 +56,9 @@ class Movers(NamedTuple):
     course: Any  # motion that the scene asks for now
     twist: Any  # motion now
     press: Any  # deepest overlap that it drives at in this step, as the solver counts it [m]
-    strain: Any  # its average [m]
-    jam: Any  # 0-D: average at which a wall without a motor slows down [m]
+    brace: Any  # up to how deep an overlap anything else bears against it, or lately did [m]
+    strain: Any  # what it is held up by: average of the two [m]
+    jam: Any  # 0-D: average at which a wall without a force slows down [m]
     blur: Any  # 0-D: steps that are averaged over
     wall: Any  # of every part of all walls: which moving wall it belongs to, -1 = none; shape (more than parts,), i32
     part: Any  # of every part that moves, as the next three: its number; shape (more than moving parts,), i32
@@ -159,22 +157,6 @@ def place_walls(w: ti.template(), ahead, lead):
 
 
 @ti.func
-def feel(w: ti.template(), s: ti.template(), c: ti.template(), p, distance, normal, force, press, wall: ti.template()):
-    """Notes how deep, `press` [m], contact p is pressed by a wall that moves without a force, and what a wall does with `force` [N]
-    (normal, tangential) on it.
-
-    That counts as far as the wall drives against the grain: one that slides along below a heavy bed is not held up by it.
-    """
-    drive(w, s, p, distance, normal, force * c.step, wall)
-    if ti.static(wall and w.moves):
-        movers = ti.static(w.movers)
-        m = movers.wall[w.pairs.second[p]]
-        if m >= 0 and force.x > 0.0 and movers.force[m] == 0.0:
-            to = carried_along(w, p, w.pairs.first[p], m, distance, normal, movers.course[m])
-            ti.atomic_max(movers.press[m], press * at_least(0.0, -to.dot(normal)) / at_least(1e-9, to.norm()))
-
-
-@ti.func
 def close_walls(w: ti.template()):
     """Ends a step: the clocks have gone on, and go on as what is in the way allows; notes how far walls are off their foreseen paths."""
     movers = ti.static(w.movers)
@@ -184,7 +166,8 @@ def close_walls(w: ti.template()):
         if movers.force[m] > 0.0:
             movers.rate[m] = movers.onward[m]
         else:
-            movers.strain[m] += (movers.press[m] - movers.strain[m]) / movers.blur[None]
+            movers.strain[m] += (ti.min(movers.press[m], movers.brace[m]) - movers.strain[m]) / movers.blur[None]
+            movers.brace[m] *= 1.0 - 1.0 / (LASTS * movers.blur[None])
             jam = movers.strain[m] / movers.jam[None]
             movers.rate[m] = ti.max(0.0, ti.min(1.0, 5.0 - 4.0 * jam)) - ti.max(0.0, ti.min(1.0, 4.0 * jam - 6.0))
             if movers.rate[m] < 1.0:
@@ -201,7 +184,7 @@ def close_walls(w: ti.template()):
 
 @ti.func
 def held_up(w: ti.template()):
-    """Whether grains are jammed in the way of a wall without a motor."""
+    """Whether grains are jammed in the way of a wall without a force."""
     waits = False
     if ti.static(w.moves):
         for m in range(w.movers.walls[None]):

@@ -8,7 +8,7 @@ import taichi as ti
 
 from taichi_sand.scene import moving
 from taichi_sand.scene.grains import Pack
-from taichi_sand.world.movers import BLUR, HIT, JAMMED, TOLERANCES, Movers, allocate_movers, hours, set_out
+from taichi_sand.world.movers import BLUR, JAMMED, TOLERANCES, Movers, allocate_movers, hours, set_out
 from taichi_sand.world.pairs import MOST_REACH
 from taichi_sand.world.rest import wake
 from taichi_sand.world.tables import AMONG_FINE_WALLS, WALL_PAIRS_PER_GRAIN, World, write_rows
@@ -85,11 +85,11 @@ def check_speeds(scene: Any, cap: float) -> None:
             raise scene.error(f"walls[{index}]", text)
 
 
-def set_patience(world: World, scene: Any, cap: float) -> None:
-    """How deep grains may be pressed into a moving wall of `scene` before it slows down, with this speed cap [m/s]."""
+def set_patience(world: World, scene: Any) -> None:
+    """How deep grains may be pressed into a moving wall of `scene` before it slows down."""
     if world.moves:
         kind = scene.solver.kind
-        deep = max(JAMMED, TOLERANCES[kind] * scene.solver.tolerance) + HIT[kind] * fastest_wall(scene) / cap
+        deep = max(JAMMED, TOLERANCES[kind] * scene.solver.tolerance)
         world.movers.blur[None] = BLUR[kind]
         world.movers.jam[None] = deep * world.box[None].diameter
 
