@@ -5,9 +5,11 @@ from typing import Any, Self
 
 from taichi_sand import belief
 from taichi_sand.entry import check_runner, reads
+from taichi_sand.growing import rooms_of
 from taichi_sand.host import Host
 from taichi_sand.scene.schema import Scene
 from taichi_sand.world import checkpoint, device, fields, rooms
+from taichi_sand.world.table_room import Rooms
 from taichi_sand.world.turns import turn
 
 ROOM = 1_000_000
@@ -17,7 +19,8 @@ ROOM = 1_000_000
 def misfit(about: dict[str, Any], announced: dict[str, Any]) -> str:
     """What is wrong with the arrays that a checkpoint announces, or ""."""
     scene = Scene.from_json(about["host"]["scene"])
-    return rooms.misfit(scene, about["room"], {name: array.shape for name, array in announced.items()})
+    shapes = {name: array.shape for name, array in announced.items()}
+    return rooms.misfit(scene, about["room"], Rooms(*about["rooms"]), shapes)
 
 
 class Keeping:
@@ -31,6 +34,7 @@ class Keeping:
     solver: Any
     pausing: Any
     returning: Any
+    take_room: Any
     _world: Any
 
     def _fields(self) -> dict[str, Any]:
@@ -40,7 +44,7 @@ class Keeping:
     def save(self, path: str | Path, **more: Any) -> None:
         """Writes a checkpoint from which `resume` goes on as if nothing had happened; `more` (JSON) is kept with it."""
         first_walls = [wall.model_dump(exclude_unset=True) for wall in self.first_walls]
-        made_for = {"room": self.room, "hand": self.hand is not None, "first_walls": first_walls}
+        made_for = {"room": self.room, "hand": self.hand is not None, "first_walls": first_walls, "rooms": rooms_of(self.world)}
         checkpoint.save(path, {**more, **made_for, "host": Host.of(self).to_json()}, self._fields())
 
     @reads
@@ -70,6 +74,7 @@ class Keeping:
             host = Host.from_json(about["host"])
             walls = host.scene.with_walls(about["first_walls"])
             sim = cls(walls, arch=arch, threads=threads, room=about["room"], hand=about["hand"] is True)
+            sim.take_room(Rooms(*about["rooms"]))
             tables = checkpoint.tables_of(sim._fields())
             checkpoint.check_shapes(tables, arrays)
             belief.check(sim, host, tables, arrays)

@@ -7,8 +7,8 @@ import taichi as ti
 
 from taichi_sand.world.motion import close_step
 from taichi_sand.world.naps import called, drowsy
-from taichi_sand.world.pairs import progress, search, search_now
-from taichi_sand.world.rest import rearrange
+from taichi_sand.world.pairs import progress, search
+from taichi_sand.world.rest import rearrange, search_whole
 from taichi_sand.world.stir import bury, stir
 
 BATCH = 8
@@ -20,8 +20,8 @@ DEAREST = 300e-9
 every step needs a search)."""
 FIRST, ROUSED = 16, 4
 """The first launch gets a FIRST-th of the steps. One ends early when ROUSED times as many grains are awake as at its start, and 64 more."""
-DONE, DROWSY, EARLY = range(3)
-"""Why `steps_in_one` ended: all is done; somebody is to fall asleep; many have woken up."""
+DONE, DROWSY, EARLY, LACKING = range(4)
+"""Why `steps_in_one` ended: all is done; somebody is to fall asleep; many have woken up; a table is too small."""
 
 
 class Cadence:
@@ -51,8 +51,11 @@ def make_ready(w: ti.template(), s: ti.template()):
         if w.pace[None].spent == 1:
             search(w)
         if woken:
-            bury(w)
-            start_anew(w, s)
+            if w.pace[None].lacking == 0:
+                bury(w)
+                start_anew(w, s)
+            else:
+                w.pace[None].lacking = 2
     elif w.pace[None].spent == 1:
         search(w)
 
@@ -96,19 +99,20 @@ def steps_in_one(w: ti.template(), s: ti.template(), steps: ti.i32, most: ti.i32
     """`steps` steps with all searches they need, in one launch, on one thread (layout "one"); leaves the pairs of the moment. Fewer where
     a grain gets too fast for their length (world.motion.guarded).
 
-    Returns DROWSY or EARLY if it stopped early, as somebody is to fall asleep, or more than `most` are awake.
+    Returns DROWSY, EARLY or LACKING if it stopped early, as somebody is to fall asleep, more than `most` are awake, or a table is too small
+    for what a search found.
     """
     why = DONE
     ti.loop_config(serialize=True)
     for _run in range(1):
         start = w.pace[None].done
         end = start + steps
-        while not drowsy(w) and (called(w) or w.pace[None].spent == 1 or going_on(w, end)):
+        while w.pace[None].lacking == 0 and not drowsy(w) and (called(w) or w.pace[None].spent == 1 or going_on(w, end)):
             make_ready(w, s)
             if roused(w, most) and w.pace[None].done > start:
                 end = w.pace[None].done
                 why = EARLY
-            if going_on(w, end) and not called(w):
+            if going_on(w, end) and not called(w) and w.pace[None].lacking == 0:
                 s.step(w, s, True)
                 close_step(w)
                 if ti.static(len(watchers(s)) > 0):
@@ -116,6 +120,8 @@ def steps_in_one(w: ti.template(), s: ti.template(), steps: ti.i32, most: ti.i32
                         watch(w, s)
         if drowsy(w):
             why = DROWSY
+        if w.pace[None].lacking != 0:
+            why = LACKING
     return why
 
 
@@ -150,6 +156,17 @@ def compile_steps(world: Any, solver: Any) -> None:
             step_alone(world, solver, impacts)
 
 
+def warm(world: Any, solver: Any) -> None:
+    """Compiles the steps of a world in the middle of a run; nothing happens."""
+    pace = world.pace[None]
+    spent = pace.spent
+    pace.spent = pace.lacking = 1
+    compile_steps(world, solver)
+    if world.layout == "one":
+        steps_in_one(world, solver, 0, 0)
+    pace.spent, pace.lacking = spent, 0
+
+
 def renew(world: Any, solver: Any) -> None:
     """The solver starts anew, between launches."""
     if hasattr(solver, "renew"):
@@ -167,38 +184,41 @@ def awake(world: Any) -> int:
     return int(now(world.naps.state, "awake") if world.sleeps else world.count[None])
 
 
-def march(world: Any, solver: Any, done: int, end: int) -> None:
+def march(sim: Any, done: int, end: int) -> None:
     """From step `done` to step `end`, or less far if it takes longer than a launch may, or a grain gets too fast for such steps; leaves the
-    pairs of the moment.
+    pairs of the moment. The world and the solver of `sim` may be others then: see growing.
     """
-    (march_in_one if world.layout == "one" else march_alone)(world, solver, done, end)
+    (march_in_one if sim.world.layout == "one" else march_alone)(sim, done, end)
 
 
-def march_in_one(world: Any, solver: Any, done: int, end: int) -> None:
+def march_in_one(sim: Any, done: int, end: int) -> None:
     """The same in one launch, or a few."""
-    most = ROUSED * awake(world) + 64
-    while steps_in_one(world, solver, end - done, most) == DROWSY:
-        rearrange(world, solver)
-        renew(world, solver)
-        done = now(world.pace, "done")
+    most = ROUSED * awake(sim.world) + 64
+    while (why := steps_in_one(sim.world, sim.solver, end - done, most)) in (DROWSY, LACKING):
+        if why == LACKING:
+            sim.fit_tables()
+        else:
+            rearrange(sim)
+            renew(sim.world, sim.solver)
+        done = now(sim.world.pace, "done")
 
 
-def march_alone(world: Any, solver: Any, done: int, end: int) -> None:
+def march_alone(sim: Any, done: int, end: int) -> None:
     """The same with launches of single steps."""
-    every, looked, start, before = now(world.pace, "watch"), done, time.perf_counter(), done
-    calms, impacts = may_be_calm(world, solver), world.pace.get_member_field("impacts")
+    every, looked, start, before = now(sim.world.pace, "watch"), done, time.perf_counter(), done
     while True:
-        spent, done, hasty = progress(world)
+        spent, done, hasty = progress(sim.world)
         if every and done % every == 0 and done != looked:
-            watch_alone(world, solver)
+            watch_alone(sim.world, sim.solver)
             looked = done
         if spent:
-            search_now(world)
-        if world.sleeps and now(world.naps.state, "due"):
-            rearrange(world, solver)
-            renew(world, solver)
+            search_whole(sim)
+        if sim.world.sleeps and now(sim.world.naps.state, "due"):
+            rearrange(sim)
+            renew(sim.world, sim.solver)
             continue
         if done == end or hasty or (done > before and time.perf_counter() - start > LAUNCH):
             break
+        calms, impacts = may_be_calm(sim.world, sim.solver), sim.world.pace.get_member_field("impacts")
         for _ in range(min(BATCH, end - done, every - done % every if every else BATCH)):
-            step_alone(world, solver, not calms or bool(impacts[None]))
+            step_alone(sim.world, sim.solver, not calms or bool(impacts[None]))

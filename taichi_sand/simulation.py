@@ -13,6 +13,7 @@ from taichi_sand import effects as effect_modules
 from taichi_sand import live, marching
 from taichi_sand.clock import Clock
 from taichi_sand.entry import changes, running
+from taichi_sand.growing import Growing
 from taichi_sand.keeping import Keeping
 from taichi_sand.looking import Looking
 from taichi_sand.readings import Readings
@@ -27,6 +28,7 @@ from taichi_sand.world import census, device, fields, sources
 from taichi_sand.world import hand as hands
 from taichi_sand.world.build import check_periodic, fill, make_world
 from taichi_sand.world.rest import wake
+from taichi_sand.world.table_room import NO_ROOMS
 from taichi_sand.world.tables import World
 from taichi_sand.world.turns import turn
 from taichi_sand.world.wall_scene import check_speeds, fastest_wall, set_patience, shortest_shake, wall_loads
@@ -40,7 +42,7 @@ MOST_STEPS = 2**31 - 1
 """That a simulation counts."""
 
 
-class Simulation(Tuning, Looking, Keeping, Readings):
+class Simulation(Growing, Tuning, Looking, Keeping, Readings):
     """A scene in motion.
 
     Args:
@@ -69,7 +71,8 @@ class Simulation(Tuning, Looking, Keeping, Readings):
             self.over = {}
             effects = effect_modules.check(scene)
             grains = pack(scene)
-            planned = sources.foreseen(scene, grains)
+            planned = self.planned = sources.foreseen(scene, grains)
+            self.rooms = NO_ROOMS  # least of its tables
             check_periodic(scene, planned, effect_modules.reach(effects), self.arch != "cpu")
             if hand and not room:
                 self.room = max(LEAST_ROOM, len(grains) // 2)
@@ -82,13 +85,14 @@ class Simulation(Tuning, Looking, Keeping, Readings):
 
     def _lay(self, grains: Any, hand: bool) -> None:
         """World, solver and effects, as structure; the grains come after."""
-        scene, kind = self.scene, self.scene.solver.kind
+        scene, kind = self.scene.model_copy(update={"walls": self.first_walls}), self.scene.solver.kind
         columns = {name: effect_modules.columns(name, values, kind) for name, values in self.effects.items()}
         turns = effect_modules.turns(self.effects) or bool(np.any(grains.spin))
         solver = choose(kind)
         extra = solver.MEMORY + sum(columns.values())
         rooms, structure = (self.room + sources.room_for(scene), WALL_ROOM[hand]), effect_modules.structure(self.effects, grains)
-        self._world = fields.same(make_world(scene, grains, extra, turns, self.arch != "cpu", *rooms, **structure))
+        made = make_world(scene, grains, extra, turns, self.arch != "cpu", *rooms, **structure, rooms=self.rooms)
+        self._world = fields.same(made)
         drive = max([fastest_wall(scene)] + [math.hypot(*source.velocity) for source in scene.sources])
         bed = bed_of(grains, scene.gravity, scene.size, drive, shortest_shake(scene))
         self.bed = replace(bed, **effect_modules.bed(self.effects, self.world), **wall_loads(scene, grains))
@@ -102,7 +106,8 @@ class Simulation(Tuning, Looking, Keeping, Readings):
         if self.hand:
             built.append(self.hand)
         self.numbers = solver.numbers(scene, self.bed)
-        check_speeds(scene, self.numbers["speed_cap"])
+        if self.rooms == NO_ROOMS:  # tables that grow keep their numbers
+            check_speeds(scene, self.numbers["speed_cap"])
         self.solver = fields.same(solver.build(scene, self.numbers, effect_modules.live(self.effects), own, tuple(built), self.world))
         self.pausing = [effect for effect in built if hasattr(effect, "between")]
         """Effects that act between launches."""
@@ -184,6 +189,7 @@ class Simulation(Tuning, Looking, Keeping, Readings):
                 with turn:
                     if self.hand.now[None].work:
                         wake(self.world)
+                        self.fit_tables()
                         marching.renew(self.world, self.solver)
             while self.steps < end:
                 with turn:
@@ -267,7 +273,8 @@ class Simulation(Tuning, Looking, Keeping, Readings):
         set_patience(self.world, self.scene)
 
     def _march(self, count: int) -> None:
-        marching.march(self.world, self.solver, self.steps, self.steps + count)
+        self.fit_tables()
+        marching.march(self, self.steps, self.steps + count)
 
 
 def stretch(seconds: Any) -> float:

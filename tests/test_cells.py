@@ -120,9 +120,9 @@ def test_a_driver_that_leaves_cells_out_is_refused(arch: str, monkeypatch: pytes
     """As if one cell had listed nothing, which leaves what the other half of the table had."""
     real = marching.march
 
-    def careless(world: Any, *given: Any) -> None:
-        real(world, *given)
-        world.blocks.pair_end[5] = 0
+    def careless(sim: Any, *given: Any) -> None:
+        real(sim, *given)
+        sim.world.blocks.pair_end[5] = 0
 
     monkeypatch.setattr(marching, "march", careless)
     with pytest.raises(sand.SandError, match=f"--arch {arch}: its driver leaves out"):

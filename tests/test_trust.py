@@ -253,7 +253,9 @@ LIES: dict[str, Callable[[dict[str, Any]], Any]] = {
     "over what a scene may have": lambda about: about["host"].update(over={"solver.restitution": 0.5}),
     "over a text": lambda about: about["host"].update(over="solver"),
     "no host": lambda about: about.pop("host"),
-    "walls": lambda about: about.update(first_walls=[{"points": [[0, 0], [9, 9]]}]),
+    "walls": lambda about: about.update(first_walls=[{"points": [[8, 8], [9, 9]]}]),
+    "grown tables": lambda about: about.update(rooms=[10**9, 3, 0, 0, 0]),
+    "tables of texts": lambda about: about.update(rooms=["6", 3, 0, 0, 0]),
     "walls of none": lambda about: about.update(first_walls=3),
 }
 

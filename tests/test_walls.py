@@ -58,9 +58,9 @@ def test_walls_that_cannot_be_had_change_nothing() -> None:
     sim = on_shelves("rigid")
     for walls, text in (
         ([{"points": [[0.0, 0.1]]}], r"walls\[0\].points"),
-        ([{"points": [[0.0, 0.1], [0.1, 0.9]]}], "lies outside the box"),
+        ([{"points": [[0.0, 0.3], [0.1, 0.9]]}], "lies wholly outside the box"),
         ([{"points": [[0.0, 0.1], [0.1, 0.1]], "friction": 0.3}], "effects.friction"),
-        ([SHELF] * 500, "no room for so many walls"),
+        ([{"points": [[0.0, y], [0.1, y]]} for y in np.linspace(0.01, 0.19, 500)], "no room for so many walls"),
     ):
         with pytest.raises(SandError, match=text):
             sim.set_walls(walls)

@@ -123,7 +123,7 @@ SCENES = {  # name: (text of the scene file, what the sentence must hold)
     "csv and radius": (grains('positions_file = "good.csv"\nradius = 0.1'), r"grains\[0\]\.radius is given twice"),
     "wall of one point": (wall("[[0.0, 0.1]]"), r"walls\[0\]\.points = .*at least two"),
     "wall without length": (wall("[[0.0, 0.1], [0.0, 0.1]]"), r"walls\[0\]\.points\[1\] = .*same as the point before"),
-    "wall outside": (wall("[[0.0, 0.1], [2.0, 0.1]]"), r"walls\[0\]\.points\[1\] = .*outside the box"),
+    "wall outside": (wall("[[2.0, 0.1], [3.0, 0.1]]"), r"walls\[0\]\.points = .*wholly outside the box"),
     "shape name": (GOOD + '[[shapes]]\nname = "disc"\ndiscs = [[0, 0, 1]]\n', r'shapes\[0\]\.name = "disc" is a shape that there is'),
     "shape apart": (GOOD + '[[shapes]]\nname = "two"\ndiscs = [[0, 0, 1], [3, 0, 1]]\n', r"shapes\[0\]\.discs must hang together"),
     "heat and rk4": (

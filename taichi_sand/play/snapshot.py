@@ -10,11 +10,13 @@ import numpy as np
 
 from taichi_sand import belief
 from taichi_sand.files import archive
+from taichi_sand.growing import in_larger, once, rooms_of
 from taichi_sand.host import Host
 from taichi_sand.scene.schema import Scene
 from taichi_sand.simulation import Simulation
 from taichi_sand.world import checkpoint, rooms
 from taichi_sand.world.checkpoint import read_field
+from taichi_sand.world.table_room import Rooms
 
 Spans = list[tuple[int, int]]
 
@@ -49,14 +51,14 @@ class Snapshot:
 
     host: Host
     fields: dict[str, Rows]
+    rooms: Rooms  # of the tables it was taken from
     session: dict[str, Any] = field(default_factory=dict)  # what the session keeps with it; must be JSON
     foreign: bool = False  # whether it comes out of a file, which anybody may have made
 
 
 def tables_of(sim: Simulation) -> dict[str, Any]:
     """The fields of a simulation by name, each once."""
-    named = {id(table): (name, table) for name, table in reversed(sim._fields().items())}
-    return dict(reversed(named.values()))
+    return once(sim._fields())
 
 
 def take(sim: Simulation, before: Snapshot | None = None) -> Snapshot:
@@ -71,17 +73,23 @@ def take(sim: Simulation, before: Snapshot | None = None) -> Snapshot:
             old = before.fields.get(name + part) if before else None
             same = old is not None and old.shape == new.shape and old.spans == spans and np.array_equal(old.rows, kept)
             fields[name + part] = old if same else new
-    return Snapshot(Host.of(sim), fields)
+    return Snapshot(Host.of(sim), fields, rooms_of(sim.world))
 
 
 def restore(sim: Simulation, snapshot: Snapshot) -> None:
-    """Puts `sim`, of the same structure, back to the moment of `snapshot`; SandError, and nothing has changed, if it cannot be one."""
+    """Puts `sim`, of the same structure, back to the moment of `snapshot`; SandError, and nothing has changed, if it cannot be one. If its
+    tables have grown since, those of that moment are as large.
+    """
+    sim.take_room(snapshot.rooms)
+    before, after = (sim.sizes_with(rooms) for rooms in (snapshot.rooms, rooms_of(sim.world)))
     fields = tables_of(sim)
     tables = checkpoint.tables_of(fields)
-    checkpoint.check_shapes(tables, snapshot.fields)
-    stored = {name: snapshot.fields[name].whole() for name in tables}
+    stored = {name: rows.whole() for name, rows in snapshot.fields.items()}
+    if before != after or snapshot.rooms != rooms_of(sim.world):
+        stored = {name: in_larger(name, stored[name], tables[name].shape, before, after) for name in stored if name in tables}
+    checkpoint.check_shapes(tables, stored)
     if snapshot.foreign:
-        belief.check(sim, snapshot.host, tables, stored)
+        belief.check(sim, snapshot.host, tables, {name: stored[name] for name in tables})
     checkpoint.restore(fields, stored)
     snapshot.host.give(sim)
 
@@ -119,10 +127,10 @@ def used_rows(sim: Simulation) -> Callable[[str, np.ndarray], Spans]:
 def to_bytes(snapshot: Snapshot) -> bytes:
     """The snapshot as the bytes of an .npz file."""
     shapes = {name: [rows.shape, rows.spans] for name, rows in snapshot.fields.items()}
-    head = json.dumps({"host": snapshot.host.to_json(), "session": snapshot.session, "shapes": shapes}).encode()
+    head = {"host": snapshot.host.to_json(), "session": snapshot.session, "shapes": shapes, "rooms": snapshot.rooms}
     file = io.BytesIO()
     arrays = {name: rows.rows for name, rows in snapshot.fields.items()}
-    np.savez_compressed(file, head=np.frombuffer(head, np.uint8), **arrays)
+    np.savez_compressed(file, head=np.frombuffer(json.dumps(head).encode(), np.uint8), **arrays)
     return file.getvalue()
 
 
@@ -133,7 +141,8 @@ def from_bytes(data: bytes) -> Snapshot:
     if "rng" in session:
         np.random.default_rng().bit_generator.state = session["rng"]  # whether it can be one
     spans = {name: (tuple(shape), [tuple(span) for span in spans]) for name, (shape, spans) in head["shapes"].items()}
-    return Snapshot(host, {name: Rows(*spans[name], rows) for name, rows in arrays.items()}, session, foreign=True)
+    rows = {name: Rows(*spans[name], rows) for name, rows in arrays.items()}
+    return Snapshot(host, rows, Rooms(*head["rooms"]), session, foreign=True)
 
 
 def misfit(head: dict[str, Any], announced: dict[str, archive.Announced]) -> str:
@@ -146,4 +155,4 @@ def misfit(head: dict[str, Any], announced: dict[str, archive.Announced]) -> str
         if shape and (ends != sorted(ends) or ends[-1] > shape[0] or kept != (sum(high - low for low, high in spans), *shape[1:])):
             return f"the rows of {name} do not fit its shape"
     scene = Scene.from_json(head["host"]["scene"])
-    return rooms.misfit(scene, rooms.by_hand(scene), shapes)
+    return rooms.misfit(scene, rooms.by_hand(scene), Rooms(*head["rooms"]), shapes)

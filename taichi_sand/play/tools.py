@@ -10,12 +10,11 @@ import numpy as np
 from taichi_sand.play import wall_tools
 from taichi_sand.play.stroke import Stroke
 from taichi_sand.scene.errors import SandError
-from taichi_sand.scene.nearby import segments
 from taichi_sand.scene.scatter import Taken
 from taichi_sand.simulation import Simulation
 from taichi_sand.world import census, hand
 from taichi_sand.world.build import EARTH
-from taichi_sand.world.wall_scene import standing_walls
+from taichi_sand.world.wall_scene import wall_segments
 
 """Forces of the hand go with the gravity of the scene, or with this one [m/s2] where the scene has less."""
 GRAB_HZ, GRAB_DAMPING = 5.0, 0.7
@@ -72,7 +71,7 @@ def _clear(sim: Simulation, position: np.ndarray, radius: np.ndarray, centre: np
     clear = ((position > radius[:, None]) & (position < size - radius[:, None])).all(axis=1)
     places, _ = census.places(sim.world)
     near = np.hypot(*(places[:, :2] - centre).T) < reach + places[:, 2] + radius.max()
-    clear &= Taken(segments(standing_walls(sim.world, sim.scene)), places[near, :2], places[near, 2]).free(position, radius)
+    clear &= Taken(wall_segments(sim.world, sim.scene), places[near, :2], places[near, 2]).free(position, radius)
     apart = np.hypot(*(position[:, None] - position[None]).transpose(2, 0, 1)) - radius[:, None] - radius[None]
     for k in np.flatnonzero(clear):
         clear[k] = not (clear[:k] & (apart[k, :k] < 0)).any()

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from taichi_sand import effects, live
+from taichi_sand.growing import rooms_of, write_field
 from taichi_sand.play.snapshot import Snapshot, tables_of
 from taichi_sand.scene.checks import foreign
 from taichi_sand.scene.schema import Scene
@@ -47,16 +48,18 @@ def hand_over(old: Simulation, new: Simulation, moment: Snapshot, scene: Scene) 
 
     Nobody may sleep in `old`: sleepers have laid by what moves them.
     """
+    new.take_room(rooms_of(old.world))
     change_walls(new.world, new.scene, old.scene)
     targets = tables_of(new)
     tables = {name: table for name, table in tables_of(old).items() if name.split(".")[2:3] and name.startswith(".0.")}
     rows = [name for name in tables if name.split(".")[2] in ROWS and "memory" not in name]
+    sizes = old.sizes_with(rooms_of(old.world))
     same = all(name in targets and targets[name].shape == tables[name].shape for name in rows)
     for name, table in tables.items():
         part = name.split(".")[2]
         known = name in targets or part not in ("carried", "links")  # by effects that only one of the two has
         if known and (part in OVER or (same and name in rows)):
-            copy(table, targets[name])
+            write_field(targets[name], read_field(table), name, sizes, sizes)
     if same:
         kept = dict(zip(columns_of(old), old.world.pairs.memory, strict=True))
         for name, column in zip(columns_of(new), new.world.pairs.memory, strict=True):
@@ -83,9 +86,3 @@ def let_go(world: World) -> None:
     whole[:] = 0
     whole[rows[np.abs(length - rest) < SNAP * rest]] = 1
     world.links.whole.from_numpy(whole)
-
-
-def copy(source: object, target: object) -> None:
-    """The values of one field into another of the same shape."""
-    parts = read_field(source)
-    target.from_numpy(parts[""] if "" in parts else {key[1:]: value for key, value in parts.items()})

@@ -7,7 +7,7 @@ import numpy as np
 from taichi_sand.play.stroke import Stroke
 from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.moving import moves
-from taichi_sand.scene.nearby import near_walls, off_walls, segments
+from taichi_sand.scene.nearby import images, near_walls, off_walls, segments
 from taichi_sand.world import census
 from taichi_sand.world.wall_scene import standing_walls
 
@@ -45,7 +45,7 @@ def cut_through(stroke: Stroke, points: np.ndarray) -> np.ndarray:
     """Slots of the free grains that a wall through `points` [m] would cut: deeper than what the tolerance lets overlap."""
     sim = stroke.sim
     places, whole = census.places(sim.world)
-    walls = segments([points])
+    walls = images(segments([points]), sim.scene.size, sim.scene.periodic)
     grain, wall = near_walls(places[:, :2], walls, float(places[:, 2].max(initial=0.0)))
     distance, _ = off_walls(places[grain, :2], walls[wall])
     deep = places[grain, 2] - distance > sim.scene.solver.tolerance * sim.bed.diameter

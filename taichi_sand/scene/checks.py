@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from taichi_sand.scene.errors import Wrong, show, suggest
+from taichi_sand.scene.moving import moves
 from taichi_sand.scene.rows import LENGTHS
 from taichi_sand.scene.shapes import BUILT_IN, joined, overlapping
 
@@ -165,7 +166,8 @@ def scene(table: Any) -> None:
             raise Wrong(f"{name}.region", f" = {show(item.region)} must lie inside the box, {_box(table)}")
     _flow(table, names)
     for index, item in enumerate(table.walls):
-        _inside(table, f"walls[{index}].points", np.asarray(item.points))
+        if not moves(item) and _beyond(table, np.asarray(item.points)):
+            raise Wrong(f"walls[{index}].points", f" = {show([list(p) for p in item.points])} lies wholly outside the box, {_box(table)}")
         if item.friction is not None and "friction" not in table.effects:
             raise Wrong(f"walls[{index}].friction", f" = {item.friction:g} needs a table [effects.friction]")
     shown = SHOWS.get(table.view.color)
@@ -196,6 +198,15 @@ def _outside(table: Any, points: np.ndarray) -> np.ndarray:
     """Which points (n, 2) lie outside the box, by more than what rounding does."""
     slack = 1e-9 * max(table.size)
     return np.any((points < -slack) | (points > np.asarray(table.size) + slack), axis=1)
+
+
+def _beyond(table: Any, points: np.ndarray) -> bool:
+    """Whether all points (n, 2) lie on one side of the box, in a direction that is not periodic."""
+    slack = 1e-9 * max(table.size)
+    for axis, side in enumerate((table.edges.left, table.edges.bottom)):
+        if side != "periodic" and ((points[:, axis] < -slack).all() or (points[:, axis] > table.size[axis] + slack).all()):
+            return True
+    return False
 
 
 def _inside(table: Any, name: str, points: np.ndarray) -> None:

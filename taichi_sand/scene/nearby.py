@@ -42,6 +42,19 @@ def segments(polylines: list[np.ndarray]) -> np.ndarray:
     return np.concatenate(parts) if parts else np.empty((0, 2, 2))
 
 
+def images(walls: np.ndarray, size: tuple[float, float], periodic: tuple[bool, bool]) -> np.ndarray:
+    """Returns the segments `walls` (m, 2, 2) and their images beyond `periodic` edges of a box of `size` [m], up to half a box from it."""
+    for axis in np.flatnonzero(periodic):
+        side = size[axis]
+        low, high = walls[:, :, axis].min(axis=1), walls[:, :, axis].max(axis=1)
+        first, last = np.ceil(-high / side - 0.5).astype(int), np.floor(1.5 - low / side).astype(int)
+        count = np.maximum(last - first + 1, 0)
+        turn = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)
+        walls = np.repeat(walls, count, axis=0)
+        walls[:, :, axis] += (turn * side)[:, None]
+    return walls
+
+
 def near_walls(points: np.ndarray, walls: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """Returns index pairs (i, s), points[i] in reach of the segment walls[s] (m, 2, 2), and some a little farther."""
     firsts, seconds = [np.empty(0, np.int64)], [np.empty(0, np.int64)]

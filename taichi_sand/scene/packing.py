@@ -4,7 +4,7 @@ import numpy as np
 
 from taichi_sand.scene.bodies import taken_apart
 from taichi_sand.scene.grains import Pack
-from taichi_sand.scene.nearby import close_pairs, segments
+from taichi_sand.scene.nearby import close_pairs, images, segments
 from taichi_sand.scene.scatter import DENSEST, Taken, scatter
 from taichi_sand.scene.schema import MOST_GRAINS, Grains, Scene
 from taichi_sand.scene.shapes import inertia, mass
@@ -24,7 +24,7 @@ def pack(scene: Scene) -> Pack:
     """
     *streams, darts = [np.random.default_rng(seed) for seed in np.random.SeedSequence(scene.seed).spawn(len(scene.grains) + 1)]
     corners = [np.array(wall.points + (wall.points[:1] if wall.closed else ())) for wall in scene.walls]
-    taken = Taken(segments(corners))
+    taken = Taken(images(segments(corners), scene.size, scene.periodic))
     rows: dict[int, np.ndarray] = {}
     for place, belongs in ((_given, _is_given), (_pattern, _is_pattern)):
         for index, table in enumerate(scene.grains):

@@ -263,10 +263,15 @@ class Scene(Table):
         """Returns the error "file: key: text" about key `name` of this scene (`solver.step`), to be raised."""
         return SandError(f"{self._source}: {name}: {text}" if self._source else f"{name}: {text}", name)
 
+    @property
+    def periodic(self) -> tuple[bool, bool]:
+        """Which axes of the box are: x, y."""
+        return self.edges.left == "periodic", self.edges.bottom == "periodic"
+
     def with_walls(self, walls: Sequence[Any]) -> Self:
         """Returns this scene with these walls, a table each; SandError if they are wrong."""
         tables = [dict(wall) if isinstance(wall, Wall) else wall for wall in walls]
-        checked = type(self)(size=self.size, effects=self.effects, walls=tables)
+        checked = type(self)(size=self.size, edges=self.edges, effects=self.effects, walls=tables)
         return self.model_copy(update={"walls": checked.walls})
 
     def to_json(self) -> str:

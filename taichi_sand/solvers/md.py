@@ -19,6 +19,7 @@ from taichi_sand.solvers.tolerance import md_numbers
 from taichi_sand.world.clumps import levers, rim, tilt, torques
 from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, motion_of, perp, rolling, wrench
 from taichi_sand.world.ledger import set_off, split
+from taichi_sand.world.memory import hand_on
 from taichi_sand.world.servo import along_course, balance, carried, drives, pressed, run_at, swinging
 from taichi_sand.world.tables import World, fill_struct
 from taichi_sand.world.wedge import feel
@@ -162,6 +163,8 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     i = pairs.first[p]
     j = i if ti.static(wall) else pairs.second[p]
     distance, normal = distance_to_second(w, p, i, wall)
+    if ti.static(wall):
+        hand_on(w, p, i, distance, normal, True)
     overlap = pairs.contact_distance[p] - distance
     force = ti.Vector([0.0, 0.0])
     if overlap > 0.0:

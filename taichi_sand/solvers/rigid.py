@@ -21,6 +21,7 @@ from taichi_sand.solvers.tolerance import rigid_numbers
 from taichi_sand.world.geometry import add, at_least, distance_to_second, movable, weigh_clumps, within, wrench
 from taichi_sand.world.ledger import settle_work
 from taichi_sand.world.links import pull_links, settle_links
+from taichi_sand.world.memory import hand_on
 from taichi_sand.world.motion import drift, with_body
 from taichi_sand.world.movers import place_walls
 from taichi_sand.world.servo import along_course, apart, bear, drives, nobody, weightless
@@ -176,6 +177,8 @@ def look(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.templ
     """Normal and gap of pair p, where its grains have moved to."""
     i = w.pairs.first[p]
     distance, normal = distance_to_second(w, p, i, wall)
+    if ti.static(wall):
+        hand_on(w, p, i, distance, normal, False)
     w.pairs.normal[p], w.pairs.gap[p] = normal, distance - w.pairs.contact_distance[p]
     if ti.static(w.clumps):
         weigh_clumps(w, p, i, i if ti.static(wall) else w.pairs.second[p], wall)

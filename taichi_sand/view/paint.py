@@ -9,7 +9,7 @@ from taichi_sand.scene.errors import SandError
 from taichi_sand.view import kernels, palette
 from taichi_sand.view.views import KIND, PERCENTILE, VIEWS, Range, check_view, quantile
 from taichi_sand.world.census import link_lines
-from taichi_sand.world.tables import PAIRS_PER_GRAIN, World
+from taichi_sand.world.tables import World
 
 REFERENCE_WIDTH = 720
 """Walls and force chains have their nominal widths [px] in a picture this wide, and grow with it."""
@@ -109,7 +109,7 @@ class Painter:
     def _allocate(self) -> None:
         """Lists that the kernels fill. Where edges are periodic a grain may be seen up to four times."""
         capacity = self.world.capacity
-        discs = self.world.rows // PAIRS_PER_GRAIN  # most of a grain
+        discs = self.world.discs
         copies = (4 if any(self.world.periodic) else 1) * discs
         self._values, self._moving = np.zeros(capacity, np.float32), np.zeros(capacity, np.float32)
         self._colours = np.zeros(capacity, np.uint32)

@@ -8,7 +8,7 @@ import numpy as np
 from taichi_sand.view.caption import Caption
 from taichi_sand.view.paint import Painter
 from taichi_sand.world.turns import turn
-from taichi_sand.world.wall_scene import standing_walls
+from taichi_sand.world.wall_scene import wall_segments
 
 SIDES = ("left", "right", "bottom", "top")
 _painters: WeakKeyDictionary[Any, Painter] = WeakKeyDictionary()
@@ -56,6 +56,5 @@ def facts(sim: Any) -> list[str]:
 
 
 def wall_lines(sim: Any) -> np.ndarray:
-    """Walls where they are now, as straight parts: x, y of one end, x, y of the other [m]; shape (n, 4)."""
-    lines = [np.hstack([corners[:-1], corners[1:]]) for corners in standing_walls(sim.world, sim.scene)]
-    return np.concatenate([np.empty((0, 4)), *lines])
+    """Walls and their images where they are now, as straight parts: x, y of one end, x, y of the other [m]; shape (n, 4)."""
+    return wall_segments(sim.world, sim.scene).reshape(-1, 4)

@@ -12,6 +12,7 @@ from taichi_sand.world.geometry import position
 from taichi_sand.world.grid import cell_count
 from taichi_sand.world.near import list_pair, list_range
 from taichi_sand.world.sweep import block_count
+from taichi_sand.world.table_room import BOULDER_WALLS, BOULDERS, lack
 from taichi_sand.world.tables import round_up
 from taichi_sand.world.wall_pairs import list_walls
 
@@ -46,8 +47,7 @@ def list_boulders(w: ti.template()):
     pairs, blocks = ti.static(w.pairs, w.blocks)
     b, half = block_count(w) - 1, w.pace[None].half
     start, end = w.grid.start[cell_count(w) - 1], w.count[None]
-    q = half * w.half + w.wall_base + w.wall_rows * start
-    p = half * w.half + w.wall_base - w.boulders
+    q, p = (half + 1) * w.half - w.boulder_walls, half * w.half + w.wall_base - w.boulders
     last, last_q = p + w.boulders, (half + 1) * w.half
     blocks.grain_start[b], blocks.grain_end[b] = start, end
     blocks.pair_start[b], blocks.wall_start[b] = p, q
@@ -61,6 +61,10 @@ def list_boulders(w: ti.template()):
         pairs.wall_row_start[row], pairs.wall_row_count[row] = q, next_q - q
         p, q = next_p, next_q
     blocks.pair_end[b], blocks.wall_end[b] = p, q
+    if p > last:
+        lack(w, BOULDERS, p - blocks.pair_start[b], w.boulders)
+    if q > last_q:
+        lack(w, BOULDER_WALLS, q - blocks.wall_start[b], w.boulder_walls)
 
 
 @ti.func

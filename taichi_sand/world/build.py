@@ -19,10 +19,11 @@ from taichi_sand.world.links import build_links
 from taichi_sand.world.naps import allocate_naps, start_awake
 from taichi_sand.world.pairs import LEAST_SKIN, LEAST_SLACK, MOST_REACH, MOST_SKIN, MOST_SLACK
 from taichi_sand.world.sinks import build_flow
+from taichi_sand.world.table_room import KINDS, NO_ROOMS, Rooms, Sizes, foreseen, sizes_of
 from taichi_sand.world.tables import (
     LANES,
     LEAST_ROOM,
-    PAIRS_PER_GRAIN,
+    SPARE,
     STRIPS,
     World,
     allocate_blocks,
@@ -33,7 +34,8 @@ from taichi_sand.world.tables import (
     round_up,
     site_rows,
 )
-from taichi_sand.world.wall_scene import SIDES, lay_walls, moving_walls, wall_pairs_per_grain
+from taichi_sand.world.wall_scene import SIDES, lay_walls, moving_walls, wall_parts
+from taichi_sand.world.walls import cast_parts, moving_entries
 
 STRIPS_FROM = 30_000
 """Grains from which a sweep pays for being cut into strips: handing out a parallel loop costs as much as some thousand pairs."""
@@ -101,7 +103,8 @@ def lengths_of(scene: Any, pack: Pack, reach: float, sleeps: bool) -> tuple[dict
     radius, size = (pack.radius, pack.size) if len(pack) else 2 * (np.array([0.01 * min(scene.size)]),)
     largest, diameter = 2 * float(radius.max()), 2 * float(size.mean())
     listed, boulders = (largest, 0) if sleeps else part_boulders(radius, most_discs(pack))
-    return {"diameter": diameter, "largest": largest, "listed": listed, "bridge": reach * diameter}, boulders
+    lengths = {"diameter": diameter, "largest": largest, "least": 2 * float(radius.min()), "listed": listed, "bridge": reach * diameter}
+    return lengths, boulders
 
 
 def box_numbers(scene: Any, pack: Pack) -> dict[str, Any]:
@@ -117,7 +120,20 @@ def most_discs(pack: Pack) -> int:
 def edges_of(scene: Any) -> dict[str, tuple[bool, ...]]:
     """Which axes of the box are periodic (x, y), and which edges are open (left, right, bottom, top)."""
     edges = [getattr(scene.edges, side) for side in SIDES]
-    return {"periodic": tuple(edges[k] == "periodic" for k in (0, 2)), "open_edges": tuple(edge == "open" for edge in edges)}
+    return {"periodic": scene.periodic, "open_edges": tuple(edge == "open" for edge in edges)}
+
+
+def rows_of(sizes: Sizes, rooms: Rooms) -> dict[str, int]:
+    """How the rows of the pair table are shared out, as members of a world."""
+    return {
+        "half": sizes.half,
+        "wall_base": sizes.wall_base,
+        "wall_half": sizes.wall_half,
+        "boulders": rooms.boulders,
+        "boulder_walls": rooms.boulder_walls,
+        "rows": rooms.rows,
+        "wall_rows": rooms.walls,
+    }
 
 
 def make_world(
@@ -132,11 +148,12 @@ def make_world(
     reach: float = 0.0,
     carried: Mapping[str, float] = MappingProxyType({}),
     links: np.ndarray | None = None,
+    rooms: Rooms = NO_ROOMS,
 ) -> World:
     """World of `scene` with room for the grains of `pack` and `room` more, and for `wall_room` entries of walls.
 
     `extra` columns of the pair table follow a pair; `carried` names the columns that follow a grain, and what a grain starts with;
-    effects act on grains up to `reach` [d] apart, and tie the grains `links` (n, 2) together.
+    effects act on grains up to `reach` [d] apart, and tie the grains `links` (n, 2) together. Tables of pairs are no smaller than `rooms`.
     """
     layout, moves, driven = layout_of(gpu, len(pack)), bool(moving_walls(scene)), any(wall.force for wall in scene.walls)
     real, capacity = ti.f64 if scene.solver.precision == 64 else ti.f32, round_up(len(pack) + room + 1)
@@ -146,24 +163,26 @@ def make_world(
     least_cell, most_cells = plan_cells(scene.size, lengths["listed"] + lengths["bridge"], capacity)
     cells, lanes = round_up(most_cells + 1, 64 if layout == "cells" else LEAST_ROOM), LANES[layout, scene.solver.kind]
     blocks = {"one": 1, "strips": STRIPS, "cells": cells}[layout]
-    rows, wall_rows = (per * most_discs(pack) for per in (PAIRS_PER_GRAIN, wall_pairs_per_grain(scene, diameter, capacity)))
-    wall_half, wall_base = wall_rows * capacity, rows * (capacity + lanes * min(blocks, STRIPS)) + boulders
+    parts = wall_parts(scene, lengths["least"])
+    big = (int((2 * pack.radius > lengths["listed"] * 1.00001).sum()) if boulders else 0, boulders)
+    entries, shares = moving_entries(parts, spacing, sight), capacity + SPARE * min(blocks, STRIPS)
+    rooms = foreseen(parts, diameter, len(pack) + room, most_discs(pack), shares, big, entries, rooms)
+    sizes, still = sizes_of(rooms, capacity, blocks), cast_parts(parts, spacing, sites, sight, scene.periodic)
     world = World(
         grains=allocate_grains(real, capacity, pack.clumps),
-        pairs=allocate_pairs(real, capacity, wall_base + wall_half, wall_half, extra, 3 if sleeps else 2, pack.clumps, moves, driven),
+        pairs=allocate_pairs(real, capacity, sizes.half, sizes.wall_half, extra, 3 if sleeps else 2, pack.clumps, moves, driven),
         blocks=allocate_blocks(blocks + (sleeps or boulders > 0), lanes),
         grid=allocate_grid(real, capacity, cells, most_summed(layout, sleeps, cells, capacity, sites)),
-        **lay_walls(scene, spacing, sites, sight, wall_room, gpu, real),
+        **lay_walls(scene, parts, still, sites, wall_room, rooms.entries, gpu, real),
         **build_flow(scene, real),
         pace=fields.record(pace_type(real)),
+        lacks=fields.scalars(real, KINDS),
         flags=flags.allocate(),
         count=fields.scalars(ti.i32, ()),
         box=fields.record(box_type(real)),
         **edges_of(scene),
         capacity=capacity,
-        half=wall_base + wall_half,
-        wall_base=wall_base,
-        wall_half=wall_half,
+        **rows_of(sizes, rooms),
         sleeps=sleeps,
         yields=scene.solver.kind == "md",
         naps=allocate_naps(real, capacity, sites) if sleeps else None,
@@ -173,9 +192,7 @@ def make_world(
         carried=allocate_carried(real, capacity, carried),
         linked=links is not None and len(links) > 0,
         links=build_links(links, pack, real),
-        boulders=boulders,
-        rows=rows,
-        wall_rows=wall_rows,
+        discs=most_discs(pack),
         layout=layout,
         lanes=lanes,
         colour_cells=most_of_a_colour(scene.size, least_cell) if layout == "cells" else 0,

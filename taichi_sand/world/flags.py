@@ -8,7 +8,7 @@ import taichi as ti
 
 from taichi_sand.world import fields
 
-NOT_FINITE, TOO_FAST, ESCAPED, PAIRS_FULL, WALL_PAIRS_FULL, WALL_WAITS, SOURCE_FULL, NOWHERE = range(8)
+NOT_FINITE, TOO_FAST, ESCAPED, WALL_WAITS, SOURCE_FULL, NOWHERE = range(6)
 NONE = 2**31 - 1
 
 SENTENCES = {
@@ -18,10 +18,6 @@ SENTENCES = {
     TOO_FAST: "{count} times a grain was too fast to follow and was slowed to {cap:.3g} m/s; first grain {grain} at {time:.4g} s. "
     "A smaller step or tolerance raises the cap.",
     ESCAPED: "{count} times a grain was found outside a closed edge and put back; first grain {grain} at {time:.4g} s.",
-    PAIRS_FULL: "The pair table overflowed {count} times, first at {time:.4g} s: contacts were missed. "
-    "Grains overlap heavily or sizes differ too much.",
-    WALL_PAIRS_FULL: "The table of wall contacts overflowed {count} times, first at {time:.4g} s: contacts were missed. "
-    "Too many walls lie close together.",
     WALL_WAITS: "{count} steps long a moving wall was held up, first at {time:.4g} s: grains were jammed in its way. Give it a `force` "
     "that it pushes with at most, or less speed.",
     SOURCE_FULL: "{count} times a source found the table of grains full, first at {time:.4g} s, and made none: there is room for what the "

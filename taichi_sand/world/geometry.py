@@ -223,7 +223,8 @@ def distance_to_second(w: ti.template(), p, i, wall: ti.template()):
                 slid = pairs.along[q].dot(pairs.reach[p]) - along.dot(rest)
             normal = -side * perp(along)
             distance = rest.dot(normal)
-            if slid < bounds.x or slid > bounds.y:
+            bounds += side * distance * pairs.slopes[q]
+            if slid < bounds.x or slid >= bounds.y:  # where one line ends, the next one begins
                 distance = 1e30
                 pairs.side[q] = ti.select(rest.dot(perp(along)) < 0.0, 1.0, -1.0)
     else:

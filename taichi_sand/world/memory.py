@@ -3,12 +3,15 @@
 import taichi as ti
 
 from taichi_sand.world.clumps import MOST
-from taichi_sand.world.geometry import at_least, at_most, velocity, wall_row
+from taichi_sand.world.geometry import at_least, at_most, distance_to_second, velocity, wall_row
 
 STILL = 4.0
 """A pair settles if its grains move at, or from, one another less than so many times as fast as it does."""
 WEAK = 0.1
 """Dashpot of a contact that has yet to grow into place, over that of another one."""
+BEYOND, ALIKE = 1e29, 0.99
+"""A part of a wall is farther away than this [m] when it does not face the disc; parts whose normals have at least this product, where a
+disc slides from one to the other, are one surface to it."""
 
 
 @ti.func
@@ -64,6 +67,37 @@ def carry(w: ti.template(), row, old):
     """Copies the memory of row `old` to `row`; zeros if old < 0."""
     for column in ti.static(w.pairs.memory):
         column[row] = column[ti.max(old, 0)] if old >= 0 else ti.zero(column[row])  # both sides are read
+
+
+@ti.func
+def hand_on(w: ti.template(), p, i, distance, normal, take: ti.template()):
+    """A disc that slides over a joint, or around a corner, takes along what its contact carries: from wall pair p, whose part it has just
+    left, to the one it has come to; or, to `take`, to p from the one it is about to leave.
+    """
+    pairs = ti.static(w.pairs)
+    left = distance > BEYOND and pairs.force[p].x != 0.0
+    come = ti.static(take) and distance < pairs.contact_distance[p] and pairs.force[p].x == 0.0
+    if left or come:
+        slot = w.pace[None].half * w.capacity + i
+        for r in range(pairs.wall_row_start[slot], pairs.wall_row_start[slot] + pairs.wall_row_count[slot]):
+            if (left or come) and r != p and discs_of(w, r) == discs_of(w, p):
+                other, way = distance_to_second(w, r, i, True)
+                carries = pairs.force[r].x != 0.0
+                if way.dot(normal) > ALIKE:
+                    if left and not carries and other < pairs.contact_distance[r]:
+                        move_memory(w, p, r)
+                        left = False
+                    elif come and carries and other > BEYOND:
+                        move_memory(w, r, p)
+                        come = False
+
+
+@ti.func
+def move_memory(w: ti.template(), old, row):
+    """Pair `row` carries what pair `old` did, and that nothing."""
+    for column in ti.static(w.pairs.memory):
+        column[row] = column[old]
+        column[old] = ti.zero(column[old])
 
 
 @ti.func

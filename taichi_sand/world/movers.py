@@ -14,7 +14,7 @@ import taichi as ti
 
 from taichi_sand.scene import moving
 from taichi_sand.world import fields
-from taichi_sand.world.flags import WALL_PAIRS_FULL, WALL_WAITS, flag
+from taichi_sand.world.flags import WALL_WAITS, flag
 from taichi_sand.world.tables import round_up, site_rows, write_rows
 
 JAMMED, TOLERANCES = 0.06, {"md": 3.0, "rigid": 1.5}
@@ -63,11 +63,13 @@ class Movers(NamedTuple):
     wall: Any  # of every part of all walls: which moving wall it belongs to, -1 = none; shape (more than parts,), i32
     part: Any  # of every part that moves, as the next three: its number; shape (more than moving parts,), i32
     home: Any  # its point from the pivot, and its `along`, at time 0; 4-vector, wide
-    bounds: Any  # as of walls.Part, at time 0
-    side: Any  # as of walls.Part
+    bounds: Any  # as of joints.Part, at time 0
+    slopes: Any  # as of joints.Part
+    side: Any  # as of joints.Part
     head: Any  # last entry of each lattice site, -1 = none; shape (sites,), i32
     next: Any  # the entry before, from row `first` of the walls on; shape (entries,), i32
     site: Any  # its site
+    arm: Any  # from the centre of the site to the pivot [m], 2-vector
     count: Any  # 0-D i32: entries in use
     first: Any  # 0-D i32: a row of the pair table of a wall with force, -1 = none; see Pairs.driven
     driven: bool  # whether any wall has a force
@@ -89,6 +91,7 @@ def allocate_movers(real: Any, wide: Any, walls: int, every: int, parts: int, si
     }
     columns |= {"part": fields.scalars(ti.i32, parts), "side": fields.scalars(ti.i32, parts), "home": fields.vectors(4, wide, parts)}
     columns |= {"bounds": fields.vectors(2, wide, parts), "head": fields.scalars(ti.i32, site_rows(sites))}
+    columns |= {"slopes": fields.vectors(2, real, parts), "arm": fields.vectors(2, real, entries)}
     columns |= {name: fields.scalars(ti.i32, entries) for name in ("next", "site")}
     return Movers(**columns, driven=driven)
 
@@ -215,56 +218,3 @@ def start_walls(w: ti.template()):
 def pivot_at(movers: ti.template(), m, age, phase):
     """Where the pivot of wall m is when its clock shows `age` [m], wide."""
     return movers.pivot[m] + movers.velocity[m] * age + ti.sin(phase) * movers.amplitude[m]
-
-
-@ti.func
-def cast_walls(w: ti.template(), sight):
-    """In a search: lists the moving parts at every lattice site from whose cell a grain may meet them, up to `sight` [m] off."""
-    movers = ti.static(w.movers)
-    box = w.box[None]
-    for e in range(movers.count[None]):
-        movers.head[movers.site[e]] = -1
-    movers.count[None] = 0
-    far = sight + 0.5 * box.spacing.norm()
-    for k in range(movers.parts[None]):
-        m = movers.wall[movers.part[k]]
-        if m >= 0:
-            angle = movers.spin[m] * movers.age[m]
-            cos, sin = ti.cos(angle), ti.sin(angle)
-            home, bounds = movers.home[k], movers.bounds[k]
-            point = pivot_at(movers, m, movers.age[m], movers.omega[m] * movers.age[m])
-            point += ti.Vector([cos * home.x - sin * home.y, sin * home.x + cos * home.y])
-            along = ti.Vector([cos * home.z - sin * home.w, sin * home.z + cos * home.w])
-            length = bounds.y
-            if movers.side[k] == -1:
-                bounds = ti.Vector([cos * bounds.x - sin * bounds.y, sin * bounds.x + cos * bounds.y])
-                length = 0.0
-            low, high = ti.min(point, point + length * along) - far, ti.max(point, point + length * along) + far
-            first = ti.max(ti.cast(ti.floor(low / box.spacing), ti.i32), 0)
-            last = ti.min(ti.cast(ti.floor(high / box.spacing), ti.i32), box.sites - 1)
-            for x in range(first.x, last.x + 1):
-                for y in range(first.y, last.y + 1):
-                    cast_part(w, k, x, y, point - (ti.Vector([x, y]) + 0.5) * box.spacing, along, bounds, length, far)
-
-
-@ti.func
-def cast_part(w: ti.template(), k, x, y, way, along, bounds, length, far):
-    """Lists moving part k at site (x, y), if it is near: its point is at `way` from the site's centre."""
-    movers, walls = ti.static(w.movers, w.walls)
-    gone = -way.dot(along)
-    to = way + ti.max(0.0, ti.min(length, gone)) * along
-    if to.dot(to) <= far * far:
-        k_e = movers.count[None]
-        if k_e < movers.next.shape[0]:
-            e = walls.room + k_e
-            site = x * w.box[None].sites.y + y
-            movers.next[k_e], movers.site[k_e] = movers.head[site], site
-            movers.head[site] = k_e
-            movers.count[None] = k_e + 1
-            line = movers.side[k] != -1
-            walls.part[e], walls.side[e] = movers.part[k], movers.side[k]
-            walls.along[e] = ti.cast(along, w.real)
-            walls.point[e] = ti.cast(way + gone * along if line else way, w.real)
-            walls.bounds[e] = ti.cast(bounds - gone if line else bounds, w.real)
-        else:
-            flag(w, WALL_PAIRS_FULL, 0)

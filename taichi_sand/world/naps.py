@@ -230,16 +230,18 @@ def translate(w: ti.template()):
 def settle(w: ti.template()):
     """At the end of a search: the frozen pairs are found by the slots of the sleepers, in either half, and make up a block."""
     naps, pairs = ti.static(w.naps, w.pairs)
-    asleep = naps.state[None].asleep
+    asleep, moved = naps.state[None].asleep, naps.state[None].moved
     first = w.count[None] - asleep
+    if w.pace[None].lacking != 0:  # pairs will be listed again, and remembered as before
+        moved = 0
     ti.loop_config(serialize=w.layout != "cells")
-    for j in range(first, first + asleep * naps.state[None].moved):
+    for j in range(first, first + asleep * moved):
         w.grid.source[j] = j
         for half in ti.static(range(2)):
             at = half * w.capacity + j
             pairs.row_start[at], pairs.row_count[at] = naps.row_start[j], naps.row_count[j]
             pairs.wall_row_start[at], pairs.wall_row_count[at] = naps.wall_row_start[j], naps.wall_row_count[j]
-    naps.state[None].moved = 0
+    naps.state[None].moved -= moved
     b = sleeper_block(w)
     last, wall_last = 2 * w.half, 2 * w.half + w.wall_base
     if asleep > 0:

@@ -3,7 +3,6 @@
 import taichi as ti
 
 from taichi_sand.world.clumps import MOST, disc_count, disc_of, turned
-from taichi_sand.world.flags import PAIRS_FULL, flag
 from taichi_sand.world.geometry import mobility, perp, spin, velocity, weigh_clumps
 from taichi_sand.world.memory import remember
 from taichi_sand.world.tables import ABREAST, FEW_ABREAST
@@ -89,38 +88,42 @@ def list_pair(w: ti.template(), i, j, row, last, lanes: ti.template()):
 def list_discs(w: ti.template(), i, j, a, b, reach, weight, row, last, lanes: ti.template()):
     """Lists disc a of grain i and disc b of grain j, `reach` from grain to grain, if they may meet. Returns the next row."""
     g = ti.static(w.grains)
-    pairs = ti.static(w.pairs)
     rims = ti.Vector([g.radius[i], g.radius[j]])
     apart, motion = reach, velocity(w, j) - velocity(w, i)
-    one, two = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
     if ti.static(w.clumps):
         one, two = disc_of(w, i, a), disc_of(w, j, b)
         arm_i, arm_j = turned(w, i, one.xy), turned(w, j, two.xy)
         apart += arm_j - arm_i
         motion += spin(w, j) * perp(arm_j) - spin(w, i) * perp(arm_i)
         rims = ti.Vector([one.z, two.z])
-    radii = rims.x + rims.y
     next_row = row
-    if may_meet(apart, motion, radii + w.box[None].bridge + w.pace[None].skin, w.pace[None].horizon):
-        if ti.static(lanes == 0):
-            next_row = row + 1
-        elif row >= last:
-            flag(w, PAIRS_FULL, g.id[i])
-        else:
-            pairs.first[row], pairs.second[row] = i, j
-            pairs.reach[row] = reach
-            pairs.contact_distance[row] = radii
-            pairs.normal[row] = apart / (apart.norm() + 1e-30)
-            pairs.gap[row] = apart.norm() - radii
-            if ti.static(w.clumps):
-                pairs.discs[row] = a * MOST + b
-                pairs.arms[row] = ti.Vector([one.x, one.y, two.x, two.y])
-                pairs.rims[row] = rims
-                weigh_clumps(w, row, i, j, False)
-            else:
-                turning = mobility(w, i).z * g.radius[i] ** 2 + mobility(w, j).z * g.radius[j] ** 2
-                pairs.mass[row], pairs.mass_t[row] = 1.0 / weight, 1.0 / (weight + turning)
-                pairs.root_mass[row] = ti.sqrt(1.0 / weight)
-            remember(w, row, i, j)
-            next_row = row + lanes
+    if may_meet(apart, motion, rims.x + rims.y + w.box[None].bridge + w.pace[None].skin, w.pace[None].horizon):
+        next_row = row + ti.static(max(lanes, 1))
+        if ti.static(lanes > 0):
+            if row < last:  # what finds no room is counted all the same (world.table_room)
+                write_row(w, row, i, j, a, b, reach, apart, rims, weight)
     return next_row
+
+
+@ti.func
+def write_row(w: ti.template(), row, i, j, a, b, reach, apart, rims, weight):
+    """One row of the pair table for disc a of grain i and disc b of grain j, which are `apart`, their grains `reach`."""
+    g = ti.static(w.grains)
+    pairs = ti.static(w.pairs)
+    radii = rims.x + rims.y
+    pairs.first[row], pairs.second[row] = i, j
+    pairs.reach[row] = reach
+    pairs.contact_distance[row] = radii
+    pairs.normal[row] = apart / (apart.norm() + 1e-30)
+    pairs.gap[row] = apart.norm() - radii
+    if ti.static(w.clumps):
+        pairs.discs[row] = a * MOST + b
+        one, two = disc_of(w, i, a), disc_of(w, j, b)
+        pairs.arms[row] = ti.Vector([one.x, one.y, two.x, two.y])
+        pairs.rims[row] = rims
+        weigh_clumps(w, row, i, j, False)
+    else:
+        turning = mobility(w, i).z * g.radius[i] ** 2 + mobility(w, j).z * g.radius[j] ** 2
+        pairs.mass[row], pairs.mass_t[row] = 1.0 / weight, 1.0 / (weight + turning)
+        pairs.root_mass[row] = ti.sqrt(1.0 / weight)
+    remember(w, row, i, j)

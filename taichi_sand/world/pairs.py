@@ -7,17 +7,19 @@ holds until the horizon is reached or a grain has left its foreseen path by half
 import taichi as ti
 
 from taichi_sand.world.boulders import is_boulder, list_boulders
+from taichi_sand.world.casting import cast_walls
 from taichi_sand.world.clumps import turned
 from taichi_sand.world.geometry import perp, present, spin, velocity
 from taichi_sand.world.grid import anchor, cell_count, cell_of, cut_blocks, lay_cells, outside, permute, sort
 from taichi_sand.world.links import find_links
 from taichi_sand.world.memory import carry
-from taichi_sand.world.movers import cast_walls, start_walls
+from taichi_sand.world.movers import start_walls
 from taichi_sand.world.naps import call, call_by_walls, settle, site_of, translate
 from taichi_sand.world.near import list_range, may_meet
 from taichi_sand.world.scan import running_sums
 from taichi_sand.world.servo import drives, link_driven
-from taichi_sand.world.tables import CHUNK, FAR, STRIPS
+from taichi_sand.world.table_room import PAIRS, WALLS, lack
+from taichi_sand.world.tables import CHUNK, FAR, SPARE, STRIPS
 from taichi_sand.world.wall_pairs import list_walls
 
 LEAST_SKIN, MOST_SKIN = 0.04, 0.5
@@ -90,11 +92,7 @@ def foresee(w: ti.template()):
     if ti.static(w.moves):
         flight = fastest / pace.step * pace.horizon
         sight = box.largest * ti.static(1.5 if w.clumps else 0.5) + box.bridge + skin + (1.0 + pushing.y * pace.horizon) * flight
-        ti.loop_config(serialize=True)
-        for _run in range(1):
-            cast_walls(w, sight)
-            if ti.static(w.sleeps):
-                call_by_walls(w)
+        w.pace[None].sight = sight
 
 
 @ti.func
@@ -120,15 +118,14 @@ def list_block(w: ti.template(), b):
     start = blocks.grain_start[b]
     count = blocks.grain_end[b] - start
     run = (count + lanes - 1) // lanes
-    top = half * w.half + w.rows * (start + lanes * b)
-    last = top + w.rows * run * lanes
-    q = half * w.half + w.wall_base + w.wall_rows * start
-    last_q = q + w.wall_rows * count
-    if ti.static(w.layout == "cells"):  # too small for a fixed room: they have been counted
-        top, last = half * w.half + blocks.pair_end[b], half * w.half + w.wall_base - w.boulders
-        q, last_q = half * w.half + w.wall_base + blocks.wall_end[b], (half + 1) * w.half
-        if ti.static(w.boulders > 0):
-            last_q = half * w.half + w.wall_base + w.wall_rows * w.grid.start[cell_count(w) - 1]
+    first, first_q = half * w.half, half * w.half + w.wall_base
+    last, last_q = first_q - w.boulders, first + w.half - w.boulder_walls
+    top, q = first, first_q
+    if ti.static(w.layout == "strips"):
+        top, q = first + w.rows * (start + SPARE * b), first_q + w.wall_rows * (start + SPARE * b)
+        first, last, first_q, last_q = top, top + w.rows * (count + SPARE), q, q + w.wall_rows * (count + SPARE)
+    elif ti.static(w.layout == "cells"):  # too small for a fixed room: they have been counted
+        top, q = first + blocks.pair_end[b], first_q + blocks.wall_end[b]
     blocks.pair_start[b], blocks.wall_start[b] = top, q
     end = top
     for lane in range(lanes):
@@ -145,9 +142,14 @@ def list_block(w: ti.template(), b):
             p, q = next_p, next_q
         blocks.lane_end[b * lanes + lane] = p
         end = ti.max(end, p - lane)
-    for lane in range(lanes):
-        clear_rows(w, blocks.lane_end[b * lanes + lane], end, lanes)
     blocks.pair_end[b], blocks.wall_end[b] = end, q
+    if end > last:
+        lack(w, PAIRS, end - first, last - first)
+    else:
+        for lane in range(lanes):
+            clear_rows(w, blocks.lane_end[b * lanes + lane], end, lanes)
+    if q > last_q:
+        lack(w, WALLS, q - first_q, last_q - first_q)
 
 
 @ti.func
@@ -235,7 +237,8 @@ def list_sleepers(w: ti.template(), i, p, last, lanes: ti.template()):
                 row = list_range(w, i, naps.start[site_of(w, x, low.y)], naps.start[top], row, last, lanes)
         if ti.static(lanes > 0):
             for k in range((row - p) // lanes):
-                call_before_impact(w, i, p + k * lanes)
+                if p + k * lanes < last:
+                    call_before_impact(w, i, p + k * lanes)
     return row
 
 
@@ -264,6 +267,18 @@ def search(w: ti.template()):
     if ti.static(w.linked):
         find_links(w)
     cut_blocks(w)
+    list_all(w)
+
+
+@ti.func
+def list_all(w: ti.template()):
+    """The part of a search that may be made again: lists all pairs of the grains as they are sorted now."""
+    if ti.static(w.moves):
+        ti.loop_config(serialize=True)
+        for _run in range(1):
+            cast_walls(w)
+            if ti.static(w.sleeps):
+                call_by_walls(w)
     if ti.static(w.layout == "cells"):
         share_out(w)
     if ti.static(w.boulders > 0):
@@ -289,6 +304,12 @@ def search(w: ti.template()):
 def search_now(w: ti.template()):
     """One search, its loops over blocks in parallel."""
     search(w)
+
+
+@ti.kernel
+def list_again(w: ti.template()):
+    """Lists all pairs once more, in larger tables."""
+    list_all(w)
 
 
 @ti.kernel

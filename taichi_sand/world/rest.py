@@ -15,20 +15,28 @@ from taichi_sand.world.sweep import always, sweep_cells
 from taichi_sand.world.tables import World
 
 
-def rearrange(world: World, solver: Any) -> None:
-    """Wakes the sleepers that are called, and lays those down that have been still; `solver` knows how long that is."""
-    if world.layout == "strips" and stir_now(world):
-        search_now(world)
-        bury_now(world)
+def rearrange(sim: Any) -> None:
+    """Wakes the sleepers that are called, and lays those down that have been still; the solver of `sim` knows how long that is."""
+    if sim.world.layout == "strips" and stir_now(sim.world):
+        search_whole(sim)
+        bury_now(sim.world)
         return
-    rouse(world, 0)
-    search_now(world)
-    lull(world, solver)
-    search_now(world)
+    rouse(sim.world, 0)
+    search_whole(sim)
+    lull(sim.world, sim.solver)
+    search_whole(sim)
+
+
+def search_whole(sim: Any) -> None:
+    """One search, between launches; the world of `sim` gets larger tables if it needs them."""
+    search_now(sim.world)
+    sim.fit_tables()
 
 
 def wake(world: World) -> None:
-    """Wakes everybody: after a change by hand, of gravity or of a parameter, and before grains come or go by hand."""
+    """Wakes everybody: after a change by hand, of gravity or of a parameter, and before grains come or go by hand. The next march makes
+    tables larger that this search has found too small.
+    """
     if world.sleeps and world.naps.state[None].asleep:
         rouse(world, 1)
         search_now(world)
@@ -209,7 +217,7 @@ def copy_row(w: ti.template(), p, row, first, second):
 @ti.func
 def copy_wall_row(w: ti.template(), p, row):
     """Copies what only a pair with a wall has."""
-    for column in ti.static((w.pairs.along, w.pairs.bounds, w.pairs.side)):
+    for column in ti.static((w.pairs.along, w.pairs.bounds, w.pairs.slopes, w.pairs.side)):
         column[wall_row(w, row)] = column[wall_row(w, p)]
     if ti.static(w.moves):
         w.pairs.hinge[wall_row(w, row)] = w.pairs.hinge[wall_row(w, p)]

@@ -27,12 +27,14 @@ def rounding(world: Any) -> float:
 
 @ti.func
 def link_driven(w: ti.template()):
-    """In a search: links the rows of walls with `force`, in the order of the table. Their grains are awake."""
+    """In a search: links the rows of walls with `force`, in the order of the table. Their grains are awake. Not where the table is too
+    small for its rows: they are listed again.
+    """
     movers, pairs, blocks = ti.static(w.movers, w.pairs, w.blocks)
     ti.loop_config(serialize=True)
     for _run in range(1):
         movers.first[None] = -1
-        for b in range(block_count(w) - ti.static(int(w.sleeps))):
+        for b in range((block_count(w) - ti.static(int(w.sleeps))) * int(w.pace[None].lacking == 0)):
             for p in range(blocks.wall_start[b], blocks.wall_end[b]):
                 if driver(w, p) >= 0:
                     pairs.driven[wall_row(w, p)] = movers.first[None]

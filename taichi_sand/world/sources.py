@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 
 from taichi_sand.scene.grains import Pack
-from taichi_sand.scene.nearby import segments
 from taichi_sand.scene.room import Room
 from taichi_sand.scene.shapes import inertia, mass
 from taichi_sand.world import census
 from taichi_sand.world.flags import SOURCE_FULL, raise_flag
 from taichi_sand.world.tables import World
-from taichi_sand.world.wall_scene import standing_walls
+from taichi_sand.world.wall_scene import wall_segments
 
 INTERVAL = 1 / 60
 """Simulated time between two looks at what is due [s]."""
@@ -172,8 +171,7 @@ def settle(scene: Any, world: World, index: int, most: int, position: np.ndarray
     (n,) [m], as census.add takes them.
     """
     rng = np.random.default_rng([scene.seed, index, world.pace[None].done])  # a resumed run draws the same
-    corners = standing_walls(world, scene)
-    walls = segments([line + shift for line in corners for shift in (np.zeros(2), *images(world))])
+    walls = wall_segments(world, scene)
     source, made = scene.sources[index], int(world.flow.made[index])
     reach = scene.form(source.shape).reach
     room = Room(source.region, reach * source.radius[1], walls, position, radius, rng)

@@ -22,11 +22,11 @@ STRIPS = 64
 """Most strips of columns that one sweep is cut into, when it is cut into strips at all; even."""
 CHUNK = 512
 """Taichi gives a CPU thread at least so many indices of a parallel loop: a loop over blocks takes steps of CHUNK to be dealt out at all."""
-PAIRS_PER_GRAIN = 6
-"""Room in the pair table per disc: equal discs have 3 pairs each (a pair is listed once), the rest is for the skin and small grains."""
-WALL_PAIRS_PER_GRAIN, AMONG_FINE_WALLS = 3, 16
-"""Room for the pairs of a disc with parts of walls: three, as a third of the discs at most lie at walls and have six; where walls are in
-more small parts than there are grains to share the room, as many as a disc in a groove may have."""
+PAIRS_PER_GRAIN, WALL_PAIRS_PER_GRAIN = 6, 3
+"""Room in the pair table per disc to start with: equal discs have 3 pairs each (a pair is listed once), the rest is for the skin and
+small grains; a third of the discs at most lie at walls, and have six. Tables that turn out too small grow (world.table_room)."""
+SPARE = 16
+"""A block has room for the pairs of so many grains more than it holds: what one grain has may be far from the mean."""
 LANES = {
     ("one", "md"): 4,
     ("one", "rigid"): 4,
@@ -89,6 +89,7 @@ class Pairs(NamedTuple):
     wall_row_count: Any
     along: Any  # wall pairs: direction of the wall; of a wall's end the first direction that leads off the wall
     bounds: Any  # wall pairs: how far the foot point may slide along the wall; of an end the second direction that leads off
+    slopes: Any  # wall pairs: by how much both bounds shift for every metre that the grain is to the left of the line
     side: Any  # wall pairs: side of the wall the grain is on, +1 left of `along`, -1 right; 0 = an end of a wall
     hinge: Any  # wall pairs, if walls move: from the grain's centre to the pivot of the wall at the last search [m]
     driven: Any  # wall pairs, if walls have a force: the next row of such a wall, -1 = this was the last; i32
@@ -124,6 +125,7 @@ class World:
     flow: Any  # world.sinks.Flow, or None if grains neither come nor go
     flows: bool  # whether they do
     pace: Any  # 0-D world.tables.Pace: what the search allows the march
+    lacks: Any  # how many times as large the tables would have to be for what the last search found, by world.table_room; shape (KINDS,)
     flags: Any  # world.flags: what went wrong
     count: Any  # 0-D i32: grains present, slots 0 .. count-1
     box: Any  # 0-D struct of box_type: sizes, gravity
@@ -143,6 +145,8 @@ class World:
     linked: bool  # whether an effect ties grains together
     links: Any  # world.links.Links, or None if none does
     boulders: int  # rows for the pairs of boulders, the last of those before `wall_base`; 0 = there are none
+    boulder_walls: int  # and for those with walls, the last of a half
+    discs: int  # of the grain that has most
     rows: int  # of the pair table, a grain
     wall_rows: int  # and of its part for walls
     layout: str  # of the sweep: "one", "strips" or "cells"
@@ -166,6 +170,8 @@ def pace_type(real: Any) -> Any:
         watch=ti.i32,  # steps between two looks of the effects that watch the grains; 0 = none does
         half=ti.i32,  # which half of the pair table is in use, 0 or 1
         searches=ti.i32,  # searches since the start
+        lacking=ti.i32,  # 1 = the last search found more than a table has room for, 2 = so after a few were woken; see world.table_room
+        sight=real,  # how far from the centres of grains moving walls are looked for [m]
         step=real,  # h [s]
         speed_cap=real,  # [m/s]
         alert=real,  # the march stops for contacts and step to follow where a grain is faster than this [m/s]
@@ -190,6 +196,7 @@ def box_type(real: Any) -> Any:
         gravity=pair,  # [m/s2]
         diameter=real,  # mean diameter d of the grains [m]
         largest=real,  # largest diameter [m]
+        least=real,  # smallest diameter [m]
         listed=real,  # largest diameter of the grains that are no boulders, and go into cells [m]
         bridge=real,  # how far apart grains still act on one another [m]
         weight=real,  # of a mean grain, on earth if there is no gravity [N]
@@ -256,6 +263,7 @@ def allocate_pairs(
         **{name: fields.scalars(ti.i32, 2 * capacity) for name in ("row_start", "row_count", "wall_row_start", "wall_row_count")},
         along=fields.vectors(2, real, parts * wall_half),
         bounds=fields.vectors(2, real, parts * wall_half),
+        slopes=fields.vectors(2, real, parts * wall_half),
         side=fields.scalars(real, parts * wall_half),
         hinge=fields.vectors(2, real, parts * wall_half) if moves else None,
         driven=fields.scalars(ti.i32, parts * wall_half) if driven else None,

@@ -139,12 +139,13 @@ INDICES: dict[str, tuple[Bound, Bound] | str] = {
     "naps.state:seen": (0, LATEST),
     **{f"pace:{name}": FLAG for name in ("strayed", "spent", "impacts", "guess", "hit", "half", "short", "hasty")},
     **{f"pace:{name}": (0, LATEST) for name in ("since", "done", "searches")},
+    "pace:lacking": SAME,
     "pace:watch": SAME,
     "effects.now:work": (0, 3),
     "effects.now:grain": (-1, LARGEST),
 }
 """Least and largest value of every table of whole numbers."""
-MADE_FOR = {f"box:{name}" for name in ("size", "spacing", "diameter", "largest", "listed", "bridge", "least_cell")}
+MADE_FOR = {f"box:{name}" for name in ("size", "spacing", "diameter", "largest", "least", "listed", "bridge", "least_cell")}
 """What tables are made for; of what the box holds besides, weight and gravity may change while it runs."""
 EQUAL = 1e-4
 """How nearly a number is the same that another machine has worked out."""

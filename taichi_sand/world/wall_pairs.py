@@ -3,13 +3,11 @@
 import taichi as ti
 
 from taichi_sand.world.clumps import MOST, disc_count, disc_of, turned
-from taichi_sand.world.flags import WALL_PAIRS_FULL, flag
 from taichi_sand.world.geometry import (
     at_least,
     at_most,
     distance_to_second,
     point_velocity,
-    position,
     spin,
     velocity,
     wall_row,
@@ -58,7 +56,7 @@ def list_wall(w: ti.template(), i, a, e, way, row, last, listing: ti.template())
     walls = ti.static(w.walls)
     pace = w.pace[None]
     near, flight = g.radius[i] + w.box[None].bridge + pace.skin, velocity(w, i) * pace.horizon
-    along, bounds, side = walls.along[e], walls.bounds[e], walls.side[e]
+    along, bounds, slopes, side = walls.along[e], walls.bounds[e], walls.slopes[e], walls.side[e]
     reach, arm = way, ti.Vector([0.0, 0.0])
     if ti.static(w.clumps):
         disc = disc_of(w, i, a)
@@ -71,26 +69,30 @@ def list_wall(w: ti.template(), i, a, e, way, row, last, listing: ti.template())
         reach += slid * along
         bounds -= slid
         beyond = ti.max(bounds.x, -bounds.y, 0.0)
+    hinge = ti.Vector([0.0, 0.0])
     if ti.static(w.moves):
         m = w.movers.wall[walls.part[e]]
         if m >= 0:  # a wall that turns also comes closer where the grain slides along it
             motion = w.movers.start[m]
-            flight -= point_velocity(motion.xy, motion.z, position(w, i) + arm + reach - w.movers.hinge[m]) * pace.horizon
+            hinge = way - walls.point[e] + w.movers.arm[e - walls.room]
+            flight -= point_velocity(motion.xy, motion.z, arm + reach - hinge) * pace.horizon
             near += ti.abs(motion.z) * pace.horizon * flight.norm()
     toward = flight.norm()
     if side >= 0:
         toward = at_least(0.0, flight.dot(reach) / (reach.norm() + 1e-30))
+        beyond = at_least(0.0, beyond - ti.max(ti.abs(slopes.x), ti.abs(slopes.y)) * (near + toward))
     next_row = row
     distance = reach.norm()
     meets = distance < near + toward and distance * distance + beyond * beyond < (near + flight.norm()) ** 2
     if meets or (side == 1 and along.cross(reach) > 0.0):
-        if ti.static(not listing):
-            next_row += 1
-        elif row >= last:
-            flag(w, WALL_PAIRS_FULL, g.id[i])
-        else:
-            write_wall_row(w, row, i, a, walls.part[e], reach, arm, along, bounds, side)
-            next_row += 1
+        next_row += 1
+        if ti.static(listing):
+            if row < last:  # what finds no room is counted all the same (world.table_room)
+                pairs = ti.static(w.pairs)
+                pairs.slopes[wall_row(w, row)] = slopes
+                if ti.static(w.moves):
+                    pairs.hinge[wall_row(w, row)] = hinge
+                write_wall_row(w, row, i, a, walls.part[e], reach, arm, along, bounds, side)
     return next_row
 
 
@@ -116,10 +118,6 @@ def write_wall_row(w: ti.template(), row, i, a, part, reach, arm, along, bounds,
         pairs.root_mass[row] = ti.sqrt(pairs.mass[row])
         pairs.mass_t[row] = 1.0 / (g.mobility[i].x + g.mobility[i].z * g.radius[i] ** 2)
     pairs.along[k], pairs.bounds[k] = along, bounds
-    if ti.static(w.moves):
-        m = w.movers.wall[part]
-        if m >= 0:
-            pairs.hinge[k] = w.movers.hinge[m] - position(w, i)
     side = 0.0
     if kind == 1:
         side = 1.0

@@ -8,42 +8,36 @@ import taichi as ti
 
 from taichi_sand.scene import moving
 from taichi_sand.scene.grains import Pack
+from taichi_sand.scene.nearby import images, segments
+from taichi_sand.world.joints import Part, join
 from taichi_sand.world.movers import BLUR, JAMMED, TOLERANCES, Movers, allocate_movers, hours, set_out
 from taichi_sand.world.pairs import MOST_REACH
+from taichi_sand.world.polylines import Frame, clipped
 from taichi_sand.world.rest import wake
-from taichi_sand.world.tables import AMONG_FINE_WALLS, WALL_PAIRS_PER_GRAIN, World, write_rows
-from taichi_sand.world.walls import (
-    Part,
-    build_walls,
-    cast_parts,
-    edge_parts,
-    fits,
-    part_room,
-    polyline_parts,
-    renumber,
-    write_walls,
-)
+from taichi_sand.world.tables import World, write_rows
+from taichi_sand.world.walls import build_walls, cast_parts, edge_parts, fits, part_room, renumber, write_walls
 
 SIDES = ("left", "right", "bottom", "top")
-FINE = 2.0
-"""A grain may meet several of the lines of a wall at once that are shorter than this [d]."""
 
 
-def wall_parts(scene: Any) -> list[Part]:
-    """Edges and walls of `scene` in parts."""
-    parts = edge_parts(scene.size, [getattr(scene.edges, side) == "wall" for side in SIDES])
-    moving_ones = 0
-    for wall in scene.walls:
-        mover = moving_ones if moving.moves(wall) else -1
-        moving_ones += mover >= 0
-        parts += polyline_parts(moving.corners(wall), wall.closed, wall.friction, mover)
+def wall_parts(scene: Any, unit: float) -> list[Part]:
+    """Edges and walls of `scene` in parts, where the smallest grain has diameter `unit` [m]. Those that stand still are joined with one
+    another, and cut off at the box; each that moves is joined with itself.
+    """
+    size, wraps = np.array(scene.size), np.array(scene.periodic)
+    walled = tuple(getattr(scene.edges, side) == "wall" for side in SIDES)
+    still = Frame(size, wraps, walled, unit, float(size[wraps].min() / 4) if wraps.any() else np.inf)
+    lines = [(piece, rough(wall)) for wall in scene.walls if not moving.moves(wall) for piece in clipped(moving.corners(wall), still)]
+    parts = edge_parts(scene.size, walled) + join(lines, still)
+    for mover, wall in enumerate(moving_walls(scene)):
+        free = still._replace(walled=(False,) * 4, wraps=wraps & (wall.spin == 0))
+        parts += join([(moving.corners(wall), rough(wall))], free, mover)
     return parts
 
 
-def wall_pairs_per_grain(scene: Any, diameter: float, capacity: int) -> int:
-    """Room for pairs with walls, over that for grains, with this mean diameter [m]."""
-    fine = sum(part.side == 0 and part.bounds[1] < FINE * diameter for part in wall_parts(scene))
-    return AMONG_FINE_WALLS if 4 * fine > capacity else WALL_PAIRS_PER_GRAIN
+def rough(wall: Any) -> float:
+    """Coefficient of friction of its own, < 0: it has none."""
+    return -1.0 if wall.friction is None else wall.friction
 
 
 def moving_walls(scene: Any) -> list[Any]:
@@ -55,6 +49,11 @@ def standing_walls(world: World, scene: Any) -> list[np.ndarray]:
     """Corners (n, 2) [m] of every one of the [[walls]] of `scene`, where it is now."""
     times = iter(hours(world.movers)) if world.moves else iter(())
     return [moving.corners(wall, next(times) if moving.moves(wall) else 0.0) for wall in scene.walls]
+
+
+def wall_segments(world: World, scene: Any) -> np.ndarray:
+    """The straight parts of the [[walls]] where they are now (m, 2, 2) [m], with those that are seen beyond periodic edges."""
+    return images(segments(standing_walls(world, scene)), scene.size, scene.periodic)
 
 
 def fastest_wall(scene: Any) -> float:
@@ -96,16 +95,16 @@ def set_patience(world: World, scene: Any) -> None:
 
 def lay_walls(
     scene: Any,
-    spacing: tuple[float, float],
+    parts: list[Part],
+    entries: list[np.ndarray],
     sites: tuple[int, int],
-    reach: float,
     room: int,
+    moving_room: int,
     gpu: bool,
     real: Any,
 ) -> dict[str, Any]:
-    """Tables of still and moving walls, felt up to `reach` [m] from a centre, with room for `room` entries of still ones."""
-    parts = wall_parts(scene)
-    walls = build_walls(parts, spacing, sites, reach, real, room)
+    """Tables of still and moving walls, with room for `room` entries of still ones and for `moving_room` of others."""
+    walls = build_walls(parts, entries, real, room, moving_room)
     movers = build_movers(scene, parts, walls, sites, gpu, real)
     return {"walls": walls, "movers": movers, "moves": movers is not None}
 
@@ -132,6 +131,7 @@ def write_parts(movers: Movers, parts: list[Part]) -> None:
     write_rows(movers.part, np.array([number for number, _ in those]))
     write_rows(movers.home, np.array([[*(part.point - pivots[part.mover]), *part.along] for _, part in those]))
     write_rows(movers.bounds, np.array([part.bounds for _, part in those]))
+    write_rows(movers.slopes, np.array([part.slopes for _, part in those]))
     write_rows(movers.side, np.array([part.side for _, part in those]))
 
 
@@ -140,9 +140,10 @@ def change_walls(world: World, before: Any, after: Any) -> None:
 
     What grains carry on parts that stay is remembered.
     """
-    box, old, new = world.box[None], wall_parts(before), wall_parts(after)
+    box = world.box[None]
+    old, new = wall_parts(before, box.least), wall_parts(after, box.least)
     reach = box.largest / 2 + MOST_REACH * box.diameter + box.bridge
-    entries = cast_parts(new, tuple(box.spacing), tuple(box.sites), reach)
+    entries = cast_parts(new, tuple(box.spacing), tuple(box.sites), reach, world.periodic)
     if moving_walls(before) != moving_walls(after):
         raise after.error("walls", "those that move must stay as they are while it runs")
     if not fits(world.walls, new, entries):

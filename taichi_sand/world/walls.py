@@ -1,20 +1,15 @@
-"""Walls: straight parts and the ends where a grain may meet a corner, listed for every lattice site they can be felt from.
-
-A polyline is cut into lines and ends. A grain meets a line only where its centre projects onto it, and an end only where it lies
-beyond every line that meets there: so no corner counts twice and a joint of two flush lines is not felt.
-"""
+"""The table of walls: their straight lines and ends (world.joints), listed for every lattice site they can be felt from."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 import taichi as ti
 
 from taichi_sand.world import fields
-from taichi_sand.world.tables import LEAST_ROOM, round_up, site_rows, write_rows
+from taichi_sand.world.joints import FAR, Part
+from taichi_sand.world.tables import LEAST_ROOM, round_up, write_rows
 
-FAR = 1e30
 ENTRIES_PER_PART = 8
 """Fewest lattice sites that a part is felt from, about."""
 
@@ -27,26 +22,11 @@ class Walls(NamedTuple):
     point: Any  # a point of the line, or the end itself [m]
     along: Any  # direction of the line; of an end the first direction that leads off
     bounds: Any  # line: from where to where it runs, from `point` [m]; end: second direction that leads off
+    slopes: Any  # line: by how much its bounds shift for every metre to its left
     side: Any  # 1 = grains are always on its left (an edge of the box), 0 = a line with two sides, -1 = an end
     friction: Any  # its own coefficient, < 0 = none: shape (parts,), or None if no wall has one
     rough: bool  # whether a wall has one
     room: int  # entries of still walls that there may be; behind them are those of walls that move
-
-
-@dataclass
-class Part:
-    """One straight line or end, in box coordinates [m]."""
-
-    point: np.ndarray
-    along: np.ndarray
-    bounds: np.ndarray
-    side: int
-    friction: float = -1.0  # < 0: that of the effect
-    mover: int = -1  # which moving wall it belongs to; -1 = it stands still
-
-    def key(self) -> bytes:
-        """What makes it the same part in another table."""
-        return np.concatenate([self.point, self.along, self.bounds, [self.side, self.friction, self.mover]]).tobytes()
 
 
 def edge_parts(size: tuple[float, float], walled: Sequence[bool]) -> list[Part]:
@@ -61,37 +41,20 @@ def edge_parts(size: tuple[float, float], walled: Sequence[bool]) -> list[Part]:
     ]
 
 
-def polyline_parts(points: np.ndarray, closed: bool, friction: float | None = None, mover: int = -1) -> list[Part]:
-    """Lines and ends of a polyline through `points` [m], shape (n, 2), the first one again at the end if it is closed; with a
-    coefficient of friction if it has its own, and the number of the moving wall that it is, if it is one.
-    """
-    points = np.asarray(points, float)
-    steps = np.diff(points, axis=0)
-    lengths = np.hypot(*steps.T)
-    keep = lengths > 0
-    starts, lengths = points[:-1][keep], lengths[keep]
-    along = steps[keep] / lengths[:, None]
-    own = -1.0 if friction is None else friction
-    parts = [Part(s, a, np.array([0.0, n]), 0, own, mover) for s, a, n in zip(starts, along, lengths, strict=True)]
-    count = len(along)
-    for k in range(count + (0 if closed else 1)):
-        before = along[k - 1] if (k > 0 or closed) else None
-        after = -along[k % count] if (k < count or closed) else None
-        ways = [way for way in (before, after) if way is not None]
-        parts.append(Part(starts[k] if k < count else points[-1], ways[0], ways[-1], -1, own, mover))
-    return parts
-
-
-def near_sites(part: Part, spacing: np.ndarray, sites: tuple[int, int], reach: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def near_sites(
+    part: Part, spacing: np.ndarray, sites: tuple[int, int], reach: float, wraps: tuple[bool, bool]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Sites from which `part` can be felt: their x and y numbers, and the part's point as seen from each centre, (n, 2) [m].
 
-    For a line that is its foot point, or the point of its carrier nearest to the centre, so that it is small and exact.
+    For a line that is its foot point, or the point of its carrier nearest to the centre, so that it is small and exact. In periodic
+    directions sites beyond the edge stand for those that they are images of.
     """
     ends = part.point[None] if part.side == -1 else part.point + np.clip(part.bounds, -1e6, 1e6)[:, None] * part.along
     span = np.vstack([ends.min(0), ends.max(0)]) / spacing
     pad = reach / spacing + 1
-    low = np.clip(np.floor(span[0] - pad), 0, np.array(sites) - 1).astype(int)
-    high = np.clip(np.floor(span[1] + pad), 0, np.array(sites) - 1).astype(int)
+    low, high = np.floor(span[0] - pad).astype(int), np.floor(span[1] + pad).astype(int)
+    turns = np.array(wraps) & (part.side != 1)  # an edge of the box, which has no end, is seen once from everywhere
+    low, high = (np.where(turns, limit, np.clip(limit, 0, np.array(sites) - 1)) for limit in (low, high))
     x, y = (a.ravel() for a in np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(low, high, strict=True)), indexing="ij"))
     centre = np.stack([x + 0.5, y + 0.5], axis=1) * spacing
     gone = np.zeros(len(x)) if part.side == -1 else (centre - part.point) @ part.along
@@ -99,23 +62,28 @@ def near_sites(part: Part, spacing: np.ndarray, sites: tuple[int, int], reach: f
     distance = np.hypot(*(nearest - centre).T)
     felt = distance <= reach + 0.5 * np.hypot(*spacing)
     carrier = part.point + gone[:, None] * part.along - centre
-    return np.stack([x, y], 1)[felt], carrier[felt], gone[felt]
+    return np.stack([x % sites[0], y % sites[1]], 1)[felt], carrier[felt], gone[felt]
 
 
-def cast_parts(parts: list[Part], spacing: tuple[float, float], sites: tuple[int, int], reach: float) -> list[np.ndarray]:
-    """The entries of the parts that stand still, by lattice site: start of each site; part, side, point, along and bounds of each entry."""
-    columns: list[list[np.ndarray]] = [[] for _ in range(6)]
+def cast_parts(
+    parts: list[Part], spacing: tuple[float, float], sites: tuple[int, int], reach: float, wraps: tuple[bool, bool]
+) -> list[np.ndarray]:
+    """The entries of the parts that stand still, by lattice site: start of each site; part, side, point, along, bounds and slopes of
+    each entry.
+    """
+    columns: list[list[np.ndarray]] = [[] for _ in range(7)]
     step = np.array(spacing)
     for number, part in enumerate(parts):
         if part.mover >= 0:
             continue
-        site, seen, gone = near_sites(part, step, sites, reach)
+        site, seen, gone = near_sites(part, step, sites, reach, wraps)
         rows = len(site)
         bounds = np.tile(part.bounds, (rows, 1)) - (gone[:, None] if part.side != -1 else 0.0)
         whole = [site[:, 0] * sites[1] + site[:, 1], np.full(rows, number), np.full(rows, part.side)]
-        for column, values in zip(columns, [*whole, seen, np.tile(part.along, (rows, 1)), bounds], strict=True):
+        same = [np.tile(part.along, (rows, 1)), bounds, np.tile(part.slopes, (rows, 1))]
+        for column, values in zip(columns, [*whole, seen, *same], strict=True):
             column.append(values)
-    empty = [np.zeros((0, 2) if k > 2 else 0) for k in range(6)]
+    empty = [np.zeros((0, 2) if k > 2 else 0) for k in range(7)]
     site, *entries = (np.concatenate(c) if c else none for c, none in zip(columns, empty, strict=True))
     order = np.argsort(site, kind="stable")
     start = np.searchsorted(site[order], np.arange(sites[0] * sites[1] + 1))
@@ -123,26 +91,21 @@ def cast_parts(parts: list[Part], spacing: tuple[float, float], sites: tuple[int
 
 
 def moving_entries(parts: list[Part], spacing: tuple[float, float], reach: float) -> int:
-    """How many lattice sites the moving parts can be felt from at most: those in the rounded strips around them."""
+    """How many lattice sites the moving parts can be felt from, about: those in the rounded strips around them."""
     wide = reach + np.hypot(*spacing)
-    lengths = [part.bounds[1] if part.side != -1 else 0.0 for part in parts if part.mover >= 0]
+    lengths = [part.length for part in parts if part.mover >= 0]
     return round_up(int(sum(2 * wide * length + np.pi * wide**2 for length in lengths) / np.prod(spacing)), LEAST_ROOM) if lengths else 0
 
 
-def build_walls(parts: list[Part], spacing: tuple[float, float], sites: tuple[int, int], reach: float, real: Any, room: int) -> Walls:
-    """Wall table with room for at least `room` entries; `reach` [m] is the largest distance from a centre at which a search may want
-    to know of a wall.
-    """
-    entries = cast_parts(parts, spacing, sites, reach)
+def build_walls(parts: list[Part], entries: list[np.ndarray], real: Any, room: int, moving: int) -> Walls:
+    """Wall table with room for at least `room` entries of parts that stand still, and for `moving` of those that move."""
     room = round_up(max(room, len(entries[1])), LEAST_ROOM)
-    rows = room + moving_entries(parts, spacing, reach)
+    rows, sites = room + moving, round_up(len(entries[0]) + 1, LEAST_ROOM)
     rough = any(part.friction >= 0 for part in parts)
     table = Walls(
-        start=fields.scalars(ti.i32, site_rows(sites)),
+        start=fields.scalars(ti.i32, sites),
         part=fields.scalars(ti.i32, rows),
-        point=fields.vectors(2, real, rows),
-        along=fields.vectors(2, real, rows),
-        bounds=fields.vectors(2, real, rows),
+        **{name: fields.vectors(2, real, rows) for name in ("point", "along", "bounds", "slopes")},
         side=fields.scalars(ti.i32, rows),
         friction=fields.scalars(real, part_room(room, parts)) if rough else None,
         rough=rough,
@@ -165,7 +128,7 @@ def fits(table: Walls, parts: list[Part], entries: list[np.ndarray]) -> bool:
 
 def write_walls(table: Walls, parts: list[Part], entries: list[np.ndarray]) -> None:
     """Puts parts and their entries into the table."""
-    columns = [table.start, table.part, table.side, table.point, table.along, table.bounds]
+    columns = [table.start, table.part, table.side, table.point, table.along, table.bounds, table.slopes]
     for field, values in zip(columns, entries, strict=True):
         write_rows(field, values)
     if table.rough:
