@@ -11,7 +11,18 @@ RANK = {
     **{"files": 0, "scene": 0, "world": 1, "effects": 2, "solvers": 2},
     **dict.fromkeys(("belief", "clock", "entry", "growing", "host", "live", "readings", "keeping"), 3),
     **dict.fromkeys(("looking", "tuning", "marching", "simulation"), 3),
-    **{"measure": 4, "view": 5, "play": 6, "study": 6, "printing": 7, "leaving": 7, "cli": 7, "cli_study": 7, "cli_sweep": 7, "cli_options": 7},
+    **{
+        "measure": 4,
+        "view": 5,
+        "play": 6,
+        "study": 6,
+        "printing": 7,
+        "leaving": 7,
+        "cli": 7,
+        "cli_study": 7,
+        "cli_sweep": 7,
+        "cli_options": 7,
+    },
     **{"__main__": 8, "fuzz": 8, "tampering": 8},
 }
 """Layers from the ground up; a module imports from its own layer or from below."""
