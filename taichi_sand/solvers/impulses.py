@@ -2,8 +2,20 @@
 
 import taichi as ti
 
-from taichi_sand.world.clumps import tilt, torques
-from taichi_sand.world.geometry import add, couple, motion_of, perp, rolling, spin, within, wrench
+from taichi_sand.world.clumps import tilt, torques, turned
+from taichi_sand.world.geometry import (
+    add,
+    at_least,
+    couple,
+    distance_to_second,
+    motion_of,
+    perp,
+    rolling,
+    spin,
+    weigh_clumps,
+    within,
+    wrench,
+)
 from taichi_sand.world.ledger import set_off, strike
 
 
@@ -68,6 +80,32 @@ def meeting(w: ti.template(), p, wall: ti.template()):
 
 
 @ti.func
+def look(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
+    """Normal and gap of pair p, where its grains have moved to."""
+    i = w.pairs.first[p]
+    distance, normal = distance_to_second(w, p, i, wall)
+    w.pairs.normal[p], w.pairs.gap[p] = normal, distance - w.pairs.contact_distance[p]
+    if ti.static(w.clumps):
+        weigh_clumps(w, p, i, i if ti.static(wall) else w.pairs.second[p], wall)
+
+
+@ti.func
+def flight(w: ti.template(), p, i, j, normal, gap, motion, speed):
+    """Time until the discs of pair p of two grains touch [s], if they fly on as they do; 1e30 if they pass one another."""
+    total, away = w.pairs.contact_distance[p], at_least(0.0, gap)
+    run = motion
+    if ti.static(w.clumps):
+        arms = w.pairs.arms[p]
+        run += spin(w, j) * perp(turned(w, j, arms.zw)) - spin(w, i) * perp(turned(w, i, arms.xy))
+    inwards = -speed * (total + away)
+    reached = inwards * inwards - run.dot(run) * away * (away + 2.0 * total)
+    time = ti.select(away > 0.0, 1e30, 0.0)
+    if away > 0.0 and reached >= 0.0 and inwards > 0.0:
+        time = away * (away + 2.0 * total) / (inwards + ti.sqrt(reached))
+    return time
+
+
+@ti.func
 def slip_of(w: ti.template(), i, j, motion, normal, arm_i, arm_j, wall: ti.template()):
     """Velocity of the second surface along the tangent, as seen from the first [m/s]."""
     slip = motion.dot(perp(normal)) - arm_i * spin(w, i)
@@ -88,11 +126,13 @@ def slip_by(w: ti.template(), i, j, impulse, arm_i, arm_j, lever, wall: ti.templ
 
 
 @ti.func
-def give(w: ti.template(), s: ti.template(), i, j, impulse, normal, arm_i, arm_j, lever, wall: ti.template()):
-    """Applies an impulse (normal, tangential) [N s] to the second grain of a pair, and its opposite to the first."""
+def give(w: ti.template(), s: ti.template(), i, j, impulse, normal, arm_i, arm_j, lever, moved: ti.template(), wall: ti.template()):
+    """Applies an impulse (normal, tangential) [N s] to the second grain of a pair, and its opposite to the first: before they have `moved`
+    in this step, or after.
+    """
     push = impulse.x * normal + impulse.y * perp(normal)
     taken, given = torques(w, impulse, arm_i, arm_j, lever)
-    strike(w, s, i, j, -wrench(push, taken), wrench(push, given), wall)
+    strike(w, s, i, j, -wrench(push, taken), wrench(push, given), moved, wall)
 
 
 @ti.func
@@ -123,28 +163,33 @@ def resist_rolling(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j
             roll, radius, inertia = rolling(w, p, i, j, wall)
             carried = effect.torque[p] * c.step
             new = within(effect.spin_cone(w, c, p, normal, radius), carried - inertia * roll)
-            strike(w, s, i, j, -couple(new - carried), couple(new - carried), wall)
+            strike(w, s, i, j, -couple(new - carried), couple(new - carried), False, wall)
             effect.torque[p] = new * c.rate
+
+
+@ti.func
+def load_of(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, carried, wall: ti.template()):
+    """Impulses (x, y [N s], torque [N m s], 0) on both grains of pair p that carries this (normal, tangential), and its couples."""
+    normal, lever = w.pairs.normal[p], levers_of(w, p)
+    arm_i, arm_j = arms(w, i, j, w.pairs.gap[p], lever, wall)
+    push = carried.x * normal + carried.y * perp(normal)
+    taken, given = torques(w, carried, arm_i, arm_j, lever)
+    first, second = -wrench(push, taken), wrench(push, given)
+    for effect in ti.static(s.effects):
+        if ti.static(hasattr(effect, "spin_cone")):
+            first -= couple(effect.torque[p] * c.step)
+            second += couple(effect.torque[p] * c.step)
+    return first, second
 
 
 @ti.func
 def lay_by(w: ti.template(), s: ti.template(), c: ti.template(), p, carried, wall: ti.template(), anew: ti.template()):
     """Adds the impulse that pair p carries to what its grains start the next step with; `anew` in every step, once."""
-    pairs = ti.static(w.pairs)
     g = ti.static(w.grains)
     if carried.x != 0.0:
-        i = pairs.first[p]
-        j = i if ti.static(wall) else pairs.second[p]
-        normal, gap = pairs.normal[p], pairs.gap[p]
-        lever = levers_of(w, p)
-        arm_i, arm_j = arms(w, i, j, gap, lever, wall)
-        push = carried.x * normal + carried.y * perp(normal)
-        taken, given = torques(w, carried, arm_i, arm_j, lever)
-        first, second = -wrench(push, taken), wrench(push, given)
-        for effect in ti.static(s.effects):
-            if ti.static(hasattr(effect, "spin_cone")):
-                first -= couple(effect.torque[p] * c.step)
-                second += couple(effect.torque[p] * c.step)
+        i = w.pairs.first[p]
+        j = i if ti.static(wall) else w.pairs.second[p]
+        first, second = load_of(w, s, c, p, i, j, carried, wall)
         if ti.static(anew):
             set_off(w, s, i, j, first, second, wall)
         add(g.wrench, i, first)

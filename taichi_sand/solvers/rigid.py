@@ -15,10 +15,11 @@ from typing import Any, ClassVar
 import taichi as ti
 
 from taichi_sand.solvers.bed import Bed
-from taichi_sand.solvers.impacts import collide_all
-from taichi_sand.solvers.impulses import arms, cone, give, lay_by, lowest, meeting, resist_rolling, slip_by, slip_of
+from taichi_sand.solvers.impacts import collide_all, guess
+from taichi_sand.solvers.impulses import arms, cone, flight, give, lay_by, look, lowest, meeting, resist_rolling, slip_by, slip_of
 from taichi_sand.solvers.tolerance import rigid_numbers
-from taichi_sand.world.geometry import add, at_least, distance_to_second, movable, weigh_clumps, within, wrench
+from taichi_sand.world import fields
+from taichi_sand.world.geometry import add, at_least, movable, within, wrench
 from taichi_sand.world.ledger import settle_work
 from taichi_sand.world.links import pull_links, settle_links
 from taichi_sand.world.memory import hand_on
@@ -76,6 +77,8 @@ class Rigid:
 
     constants: Any  # 0-D field of constants_type
     reference: Any  # column of the pair table: slow reference of the normal force [N]
+    struck: Any  # of a grain: twice the last round of impacts of this step in which it was hit, plus 1 if they moved it; 0 = none, i32
+    near: Any  # of a grain: twice the last round in which it may have got pairs of a grain that was hit
     effects: tuple
     step: Any  # ti.func of one step
     renew: Any  # ti.func that starts it anew after grains, walls, the step or who sleeps have changed
@@ -113,6 +116,12 @@ def lay_nothing_by(w: ti.template(), s: ti.template(), c: ti.template(), start, 
 
 
 @ti.func
+def touches(w: ti.template(), p):
+    """Whether pair p is closed."""
+    return w.pairs.gap[p] < TOUCHING * w.pairs.contact_distance[p]
+
+
+@ti.func
 def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template(), soft: ti.template(), trial: ti.template()):
     """Solves pair p for its impulse: soft, pushing overlap out, or hard, for the velocity alone. Returns the impulse it carries, or with
     `trial` would carry.
@@ -125,10 +134,13 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     due = held or speed * c.step + gap < 0.0
     if ti.static(not soft):  # faster approaches are left to the impacts of the next step
         due = held or (speed * c.step + gap < 0.0 and (speed >= -c.threshold or weightless(w, p, wall)))
+    elif ti.static(not wall):
+        if due and not held:  # they may fly past one another
+            due = flight(w, p, i, j, normal, gap, motion, speed) < c.step
     if due:
         want = pairs.mass[p] * (speed + at_least(0.0, gap) * c.rate)
         if ti.static(soft):
-            if gap < TOUCHING * pairs.contact_distance[p]:
+            if touches(w, p):
                 bias = at_least(-c.push_cap, c.bias_rate * gap)
                 want = pairs.mass[p] * c.mass_scale * (speed + bias)
                 want += c.impulse_scale * (carried.x - s.reference[p] * c.step)
@@ -143,7 +155,7 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
             bound = ti.select(gap < NEAR * pairs.contact_distance[p], cone(w, s, c, p, wall, new.x - low), 0.0)
             new.y = within(bound, carried.y - pairs.mass_t[p] * slip)
         if ti.static(not trial):
-            give(w, s, i, j, new - carried, normal, arm_i, arm_j, lever, wall)
+            give(w, s, i, j, new - carried, normal, arm_i, arm_j, lever, ti.static(not soft), wall)
             resist_rolling(w, s, c, p, i, j, new.x - low, wall)
         carried = new
         if ti.static(not trial):
@@ -173,18 +185,6 @@ def solve(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.temp
 
 
 @ti.func
-def look(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
-    """Normal and gap of pair p, where its grains have moved to."""
-    i = w.pairs.first[p]
-    distance, normal = distance_to_second(w, p, i, wall)
-    if ti.static(wall):
-        hand_on(w, p, i, distance, normal, False)
-    w.pairs.normal[p], w.pairs.gap[p] = normal, distance - w.pairs.contact_distance[p]
-    if ti.static(w.clumps):
-        weigh_clumps(w, p, i, i if ti.static(wall) else w.pairs.second[p], wall)
-
-
-@ti.func
 def relax(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
     """Second sweep, where the grains have moved to; lays by what the pair carries for the next step."""
     if not apart(w, p, wall):
@@ -194,7 +194,7 @@ def relax(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.temp
 @ti.func
 def keep(w: ti.template(), s: ti.template(), c: ti.template(), p, carried, wall: ti.template()):
     """Lays by the impulse that pair p carries for the next step."""
-    goal = REFERENCE_SHARE * at_least(0.0, carried.x) * c.rate
+    goal = ti.select(touches(w, p), REFERENCE_SHARE * at_least(0.0, carried.x) * c.rate, 0.0)
     crept = s.reference[p] + c.reference_rate * (goal - s.reference[p])
     s.reference[p] = ti.select(crept < goal, crept, goal)
     lay_by(w, s, c, p, carried, wall, True)
@@ -278,13 +278,14 @@ def step(w: ti.template(), s: ti.template(), impacts: ti.template()):
     if ti.static(impacts):
         if w.pace[None].spent == 0:
             w.pace[None].guess = w.pace[None].impacts
+            w.pace[None].round = 1
+            w.pace[None].moved = 0
         each_grain(w, kick, s, c)
         collide_all(w, s, c)
     if ti.static(sweeps_join(w)):
-        sweep_twice(w, nothing if ti.static(impacts) else kick, (solve,), move, (look, relax), s, going)
+        sweep_twice(w, guess if ti.static(impacts) else kick, (solve,), move, (look, relax), s, going)
     else:
-        if ti.static(not impacts):
-            each_grain(w, kick, s, c)
+        each_grain(w, guess if ti.static(impacts) else kick, s, c)
         if ti.static(drives(w)):
             sweep(w, (solve,), nothing, s, c, going)
             bear(w, s, c, press_softly, solve_driven, nobody, True)
@@ -310,4 +311,5 @@ def numbers(scene: Any, bed: Bed) -> dict[str, float]:
 def build(scene: Any, values: dict[str, float], live: dict[str, float], own: list, effects: tuple, world: World) -> Rigid:
     """The solver for a world; `own` holds the columns of the pair table that MEMORY asked for, `live` the effects' live parameters."""
     constants = fill_struct(constants_type(world.real, live), {**values, **live})
-    return Rigid(constants, own[0], effects, step, renew, any(hasattr(effect, "heat") for effect in effects))
+    struck, near = fields.scalars(ti.i32, world.capacity), fields.scalars(ti.i32, world.capacity)
+    return Rigid(constants, own[0], struck, near, effects, step, renew, any(hasattr(effect, "heat") for effect in effects))

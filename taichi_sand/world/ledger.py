@@ -1,14 +1,16 @@
 """The ledger of energy: what contacts take out of the motion of the grains, kept only where an effect has the hook `heat`.
 
 An impulse W on a grain changes its kinetic energy by W . (u + u')/2, u and u' its twists before and after: that is exact, and booked
-grain by grain. But of two grains in contact one may give to the other what is no heat yet. So what the load of a pair is about to do on
-either is set off against one another, and what is left, the work on both together, is booked half to each; walls and fixed grains take
-none. Sums over all grains are exact whatever is set off.
+grain by grain. Velocities are those of the middle between two places: what the rigid solver does before the grains move in a step, or
+after, meets them with half a step's gravity less, or more, and so the sum is that of kinetic energy and m g h. But of two grains in
+contact one may give to the other what is no heat yet. So what the load of a pair is about to do on either is set off against one
+another, and what is left, the work on both together, is booked half to each; walls and fixed grains take none. Sums over all grains are
+exact whatever is set off.
 """
 
 import taichi as ti
 
-from taichi_sand.world.geometry import add, movable, perp, wall_velocity
+from taichi_sand.world.geometry import add, movable, perp, wall_velocity, wrench
 
 
 @ti.func
@@ -58,13 +60,16 @@ def drive(w: ti.template(), s: ti.template(), p, distance, normal, impulse, wall
 
 
 @ti.func
-def strike(w: ti.template(), s: ti.template(), i, j, first, second, wall: ti.template()):
-    """Applies the impulses `first` to grain i and `second` to grain j at once, and books what that costs."""
+def strike(w: ti.template(), s: ti.template(), i, j, first, second, moved: ti.template(), wall: ti.template()):
+    """Applies the impulses `first` to grain i and `second` to grain j at once, and books what that costs: before they have `moved` in this
+    step, or after.
+    """
     g = ti.static(w.grains)
     if ti.static(s.books):
-        work = first.dot(g.twist[i] + 0.5 * first * g.mobility[i])
+        half = (0.5 if ti.static(moved) else -0.5) * w.pace[None].step * wrench(w.box[None].gravity, 0.0)
+        work = first.dot(g.twist[i] + half + 0.5 * first * g.mobility[i])
         if ti.static(not wall):
-            work += second.dot(g.twist[j] + 0.5 * second * g.mobility[j])
+            work += second.dot(g.twist[j] + half + 0.5 * second * g.mobility[j])
         split(w, s, i, j, -work, wall)
     add(g.twist, i, first * g.mobility[i])
     if ti.static(not wall):

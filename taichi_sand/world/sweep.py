@@ -32,12 +32,17 @@ def block_count(w: ti.template()):
 
 @ti.func
 def sweep_block(w: ti.template(), b, pair: ti.template(), s: ti.template(), c: ti.template()):
-    """pair(w, s, c, row, wall) on all pairs that belong to block b; of several functions one after the other."""
-    for one in ti.static(pair):
-        for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
-            one(w, s, c, p, False)
-        for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
-            one(w, s, c, p, True)
+    """pair(w, s, c, row, wall) on all pairs that belong to block b; of several functions one after the other. If `pair` is no tuple, it
+    finds its way through the block by itself: pair(w, s, c, b).
+    """
+    if ti.static(isinstance(pair, tuple)):
+        for one in ti.static(pair):
+            for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
+                one(w, s, c, p, False)
+            for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
+                one(w, s, c, p, True)
+    else:
+        pair(w, s, c, b)
 
 
 @ti.func
@@ -108,18 +113,32 @@ def dealt(k):
 
 
 @ti.func
+def starts_chunk(k):
+    """Whether index k of a loop over blocks is the one that does the work. (All others cost as much as to find that out: by bits, a third
+    of what the remainder of a number that may be negative costs, 20 us a loop.)
+    """
+    return k & ti.static(CHUNK - 1) == 0
+
+
+@ti.func
+def chunk_of(k):
+    """Task of index k."""
+    return k >> ti.static(CHUNK.bit_length() - 1)
+
+
+@ti.func
 def sweep_strips(w: ti.template(), pair: ti.template(), grain: ti.template(), s: ti.template(), c: ti.template(), when: ti.template()):
     """A strip's pairs reach into its own grains and the next strip's: after the even strips, an odd strip completes its own grains
     and those of the even strip that follows it, so that the grain function needs no loop of its own.
     """
     for k in range(STRIPS // 2 * CHUNK):
-        if k % CHUNK == 0:
-            b = 2 * dealt(k // CHUNK)
+        if starts_chunk(k):
+            b = 2 * dealt(chunk_of(k))
             if when(w):
                 sweep_block(w, b, pair, s, c)
     for k in range(STRIPS // 2 * CHUNK):
-        if k % CHUNK == 0:
-            b = 2 * dealt(k // CHUNK) + 1
+        if starts_chunk(k):
+            b = 2 * dealt(chunk_of(k)) + 1
             if when(w):
                 sweep_block(w, b, pair, s, c)
                 grains_of_block(w, b, grain, s, c)
@@ -147,16 +166,16 @@ def sweep_twice(
     The constants are read once a strip: Taichi would read those of the kernel from memory for every pair.
     """
     for k in range(STRIPS // 2 * CHUNK):
-        if k % CHUNK == 0:
-            b = 2 * dealt(k // CHUNK)
+        if starts_chunk(k):
+            b = 2 * dealt(chunk_of(k))
             if when(w):
                 c = s.constants[None]
                 grains_of_block(w, b, start, s, c)
                 grains_of_block(w, b + 1, start, s, c)
                 sweep_block(w, b, first, s, c)
     for k in range(STRIPS // 2 * CHUNK):
-        if k % CHUNK == 0:
-            b = 2 * dealt(k // CHUNK) + 1
+        if starts_chunk(k):
+            b = 2 * dealt(chunk_of(k)) + 1
             if when(w):
                 c = s.constants[None]
                 sweep_block(w, b, first, s, c)
@@ -164,8 +183,8 @@ def sweep_twice(
                 grains_of_block(w, (b + 1) % STRIPS, grain, s, c)
                 sweep_block(w, b, second, s, c)
     for k in range(STRIPS // 2 * CHUNK):
-        if k % CHUNK == 0:
-            b = 2 * dealt(k // CHUNK)
+        if starts_chunk(k):
+            b = 2 * dealt(chunk_of(k))
             if when(w):
                 c = s.constants[None]
                 sweep_block(w, b, second, s, c)
@@ -229,8 +248,8 @@ def each_grain(w: ti.template(), grain: ti.template(), s: ti.template(), c: ti.t
         grains_of_block(w, 0, grain, s, c)
     elif ti.static(w.layout == "strips"):
         for k in range(STRIPS * CHUNK):
-            if k % CHUNK == 0 and going(w):
-                grains_of_block(w, k // CHUNK, grain, s, c)
+            if starts_chunk(k) and going(w):
+                grains_of_block(w, chunk_of(k), grain, s, c)
     else:
         for i in range(w.capacity):
             if i < present(w) and going(w):

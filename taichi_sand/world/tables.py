@@ -166,6 +166,8 @@ def pace_type(real: Any) -> Any:
         impacts=ti.i32,  # rigid: 1 = some pair may collide in this step
         guess=ti.i32,  # rigid: 1 = the impulses carried over are yet to be applied in this step
         hit=ti.i32,  # rigid: 1 = some pair did, in the last round
+        moved=ti.i32,  # rigid: 1 = impacts of this step have moved grains ahead
+        round=ti.i32,  # rigid: the round of impacts in this step, from 1 on
         done=ti.i32,  # steps since the start
         watch=ti.i32,  # steps between two looks of the effects that watch the grains; 0 = none does
         half=ti.i32,  # which half of the pair table is in use, 0 or 1
