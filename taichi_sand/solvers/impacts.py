@@ -12,9 +12,9 @@ from taichi_sand.world.sweep import nothing, sweep
 
 ROUNDS = 32
 """Most rounds of impacts in a step."""
-AFAR = 0.02
+AFAR, AFAR_FROM_WALL = 0.02, 0.001
 """Grains that are to meet across a gap wider than this, over the distance of their centres when they touch, are first moved to where they
-do; below it the levers reach to the middle between them, which is 2 % longer than the radii at most."""
+do; below it the levers reach to the middle between them, or to the wall, and are as much longer than the radii at most."""
 LOADS = 4.0
 """A contact that bears a load is hit by what approaches LOADS times as fast as that load would make it approach in a step, as the slowest
 impact of a disc that lies on the ground. Slower ones are borne: the impulses that a pile closes under have to be remembered, not answered
@@ -122,7 +122,7 @@ def answer(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.tem
     if hard(w, c, p, gap, speed):
         time = time_to_touch(w, c, p, i, j, normal, gap, motion, speed, pull, wall)
     if time < c.step:
-        afar = gap >= AFAR * w.pairs.contact_distance[p]
+        afar = gap >= ti.static(AFAR_FROM_WALL if wall else AFAR) * w.pairs.contact_distance[p]
         if ti.static(not wall):
             run = motion.norm() + 1e-30
             if not afar:
