@@ -1,17 +1,19 @@
 """Impacts of rigid grains: approaches too fast to be left to soft contacts are answered at once, with restitution and friction."""
 
+from typing import Any
+
 import taichi as ti
 
-from taichi_sand.solvers.impulses import arms, cone, flight, give, load_of, look, lowest, meeting, slip_by, slip_of, tangential_mass
+from taichi_sand.solvers.flights import go_on, move_on, relative_gravity, shares, time_to_touch
+from taichi_sand.solvers.impulses import arms, cone, give, load_of, look, lowest, meeting, slip_by, slip_of, tangential_mass
 from taichi_sand.world.boulders import is_boulder
-from taichi_sand.world.clumps import head
-from taichi_sand.world.geometry import add, at_least, at_most, movable, spin, velocity, within, wrench
+from taichi_sand.world.geometry import add, at_least, at_most, movable, within, wrench
 from taichi_sand.world.ledger import drive, settle_work
 from taichi_sand.world.servo import along_course, apart, driver, drives, each_driven, hit_by
 from taichi_sand.world.sweep import nothing, sweep
 
-ROUNDS = 32
-"""Most rounds of impacts in a step."""
+ROUNDS, LAUNCHED_ROUNDS = 32, 2
+"""Most rounds of impacts in a step; and where each is a launch of its own."""
 AFAR, AFAR_FROM_WALL = 0.02, 0.001
 """Grains that are to meet across a gap wider than this, over the distance of their centres when they touch, are first moved to where they
 do; below it the levers reach to the middle between them, or to the wall, and are as much longer than the radii at most."""
@@ -19,6 +21,11 @@ LOADS = 4.0
 """A contact that bears a load is hit by what approaches LOADS times as fast as that load would make it approach in a step, as the slowest
 impact of a disc that lies on the ground. Slower ones are borne: the impulses that a pile closes under have to be remembered, not answered
 and forgotten. (Periodic slopes of 21 and 25 degrees, restitution 0.3 and 0.8: flow as fast with 4, 20 and 1e9, within 3 %.)"""
+
+
+def rounds(world: Any) -> int:
+    """Most rounds of impacts in a step."""
+    return ROUNDS if world.layout == "one" else LAUNCHED_ROUNDS
 
 
 @ti.func
@@ -30,17 +37,16 @@ def collide(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     and energy are those of the flight. What is reflected is the velocity of that moment, without the half of the step's kick that belongs
     to later: else a bounce would add speed * g h.
     """
-    follow(w, s, c, p, wall)
-    if not apart(w, p, wall):
+    if apart(w, p, wall):
+        follow(w, s, c, p, wall)
+    else:
         answer(w, s, c, p, wall, w.pairs.mass[p])
 
 
 @ti.func
 def ram(w: ti.template(), s: ti.template(), c: ti.template(), p):
     """Answers the impact of pair p with a wall with `force`, and has the wall take its part. One without mass gives none."""
-    m = driver(w, p)
-    follow(w, s, c, p, True)
-    normal = w.pairs.normal[p]
+    m, normal = driver(w, p), w.pairs.normal[p]
     if w.movers.mass[m] > 0.0:
         mass = 1.0 / (1.0 / w.pairs.mass[p] + w.movers.way[m].dot(normal) ** 2 / w.movers.mass[m])
         impulse = answer(w, s, c, p, True, mass)
@@ -111,44 +117,55 @@ def hard(w: ti.template(), c: ti.template(), p, gap, speed):
 
 @ti.func
 def answer(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template(), mass):
-    """Answers the impact of pair p, of effective mass `mass` [kg], if it touches within the step. Returns the impulse (normal, tangential)
-    [N s].
+    """Has pair p, of effective mass `mass` [kg], follow its grains, and answers its impact, if it touches within the step. Returns the
+    impulse (normal, tangential) [N s].
     """
-    impulse = ti.Vector([0.0, 0.0])
-    i, j, normal, gap, motion, lever, speed = meeting(w, p, wall)
-    one, two = shares(w, i, j, wall)
-    pull = relative_gravity(w, one, two, wall)
-    time = c.step
-    if hard(w, c, p, gap, speed):
-        time = time_to_touch(w, c, p, i, j, normal, gap, motion, speed, pull, wall)
-    if time < c.step:
-        afar = gap >= ti.static(AFAR_FROM_WALL if wall else AFAR) * w.pairs.contact_distance[p]
-        if ti.static(not wall):
-            run = motion.norm() + 1e-30
-            if not afar:
-                time = 0.0
-            time = at_most(w.grains.radius[i] / (run * one + 1e-30), at_most(w.grains.radius[j] / (run * two + 1e-30), time))
-        if afar:
-            move_on(w, s, c, p, i, j, normal, motion, pull, time, one, two, wall)
-        before = motion
-        i, j, normal, gap, motion, lever, speed = meeting(w, p, wall)
-        arm_i, arm_j = arms(w, i, j, gap, lever, wall)
-        arrival = at_least(0.0, 0.5 * pull.dot(normal) * c.step - speed)
-        impulse.x = (1.0 + c.restitution) * mass * arrival
-        if ti.static(w.turns):
-            slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall) + slip_by(w, i, j, impulse.x, arm_i, arm_j, lever, wall)
-            bound = cone(w, s, c, p, wall, impulse.x)
-            impulse.y = within(bound, -tangential_mass(w, i, j, arm_i, arm_j, wall) * slip)
-        give(w, s, i, j, impulse, normal, arm_i, arm_j, lever, False, wall)
-        drive(w, s, p, gap + w.pairs.contact_distance[p], normal, impulse, wall)
-        if ti.static(not wall):
-            if one * two > 0.0:
-                go_on(w, i, j, before, time, one, two)
-        lowest(w, s, c, p, 0.0, 0.0)  # they touch
-        w.pace[None].hit = 1
-        mark(w, s, i, afar)
-        if ti.static(not wall):
-            mark(w, s, j, afar)
+    impulse, before = ti.Vector([0.0, 0.0]), ti.Vector([0.0, 0.0])
+    time, met = c.step, False
+    for turn in range(2):  # in the first they are moved to where they meet; a loop, so that all this is compiled once
+        if turn == 0 or met:
+            follow(w, s, c, p, wall)
+            i, j, normal, gap, motion, lever, speed = meeting(w, p, wall)
+            one, two = shares(w, i, j, wall)
+            pull = relative_gravity(w, one, two, wall)
+            if turn == 1:
+                impulse = bounce(w, s, c, p, i, j, normal, gap, motion, lever, speed, pull, mass, wall)
+                if ti.static(not wall):
+                    if one * two > 0.0:
+                        go_on(w, i, j, before, time, one, two)
+            elif hard(w, c, p, gap, speed) and w.pace[None].round <= ti.static(rounds(w)) + 1:
+                time = time_to_touch(w, c, p, i, j, normal, gap, motion, speed, pull, wall)
+                if time < c.step:
+                    met, before = True, motion
+                    afar = gap >= ti.static(AFAR_FROM_WALL if wall else AFAR) * w.pairs.contact_distance[p]
+                    if ti.static(not wall):
+                        run = motion.norm() + 1e-30
+                        if not afar:
+                            time = 0.0
+                        time = at_most(w.grains.radius[i] / (run * one + 1e-30), at_most(w.grains.radius[j] / (run * two + 1e-30), time))
+                    if afar:
+                        move_on(w, i, j, normal, motion, pull, time, c.step, one, two, wall)
+                    mark(w, s, i, afar)
+                    if ti.static(not wall):
+                        mark(w, s, j, afar)
+    return impulse
+
+
+@ti.func
+def bounce(
+    w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, normal, gap, motion, lever, speed, pull, mass, wall: ti.template()
+):
+    """Gives pair p the impulse of its impact, and returns it."""
+    arm_i, arm_j = arms(w, i, j, gap, lever, wall)
+    impulse = ti.Vector([(1.0 + c.restitution) * mass * at_least(0.0, 0.5 * pull.dot(normal) * c.step - speed), 0.0])
+    if ti.static(w.turns):
+        slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall) + slip_by(w, i, j, impulse.x, arm_i, arm_j, lever, wall)
+        bound = cone(w, s, c, p, wall, impulse.x)
+        impulse.y = within(bound, -tangential_mass(w, i, j, arm_i, arm_j, wall) * slip)
+    give(w, s, i, j, impulse, normal, arm_i, arm_j, lever, False, wall)
+    drive(w, s, p, gap + w.pairs.contact_distance[p], normal, impulse, wall)
+    lowest(w, s, c, p, 0.0, 0.0)  # they touch
+    w.pace[None].hit = 1
     return impulse
 
 
@@ -184,84 +201,20 @@ def follow(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.tem
 
 
 @ti.func
-def shares(w: ti.template(), i, j, wall: ti.template()):
-    """Shares of the two grains of a pair in a motion that leaves their centre of mass where it is."""
-    one, two = 1.0, 0.0
-    if ti.static(not wall):
-        one = w.grains.mobility[i].x / (w.grains.mobility[i].x + w.grains.mobility[j].x)
-        two = 1.0 - one
-    return one, two
-
-
-@ti.func
-def relative_gravity(w: ti.template(), one, two, wall: ti.template()):
-    """Acceleration of the second of a pair as seen from the first [m/s2]: none where both fall."""
-    return w.box[None].gravity * (ti.cast(two > 0.0, w.real) - ti.cast(one > 0.0, w.real))
-
-
-@ti.func
-def time_to_touch(w: ti.template(), c: ti.template(), p, i, j, normal, gap, motion, speed, pull, wall: ti.template()):
-    """Time until pair p touches, if its grains fly on [s]."""
-    time = 0.0
-    if ti.static(wall):
-        far, start, fall = at_least(0.0, gap), 0.5 * pull.dot(normal) * c.step - speed, pull.dot(normal)
-        time = 2.0 * far / (start + ti.sqrt(at_least(0.0, start * start - 2.0 * fall * far)))
-    else:
-        time = flight(w, p, i, j, normal, gap, motion, speed)
-    return time
-
-
-@ti.func
-def move_on(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, normal, motion, pull, time, one, two, wall: ti.template()):
-    """Moves the grains of pair p, and what they fall, to where they are in `time`."""
-    way, gain = (motion + 0.5 * (time - c.step) * pull) * time, pull * time
-    if ti.static(wall):
-        way, gain = way.dot(normal) * normal, gain.dot(normal) * normal
-    advance(w, i, -one * way, -one * gain, time)
-    if ti.static(not wall):
-        advance(w, j, two * way, two * gain, time)
-    carry_over(w, s, c, p, wall)
-    w.pace[None].moved = 1
-
-
-@ti.func
-def advance(w: ti.template(), i, way, gain, time):
-    """Moves grain i by `way`, and turns it for `time`, ahead of the others; its velocity changes by `gain`."""
-    g = ti.static(w.grains)
-    add(g.shift, i, way)
-    add(g.twist, i, wrench(gain, 0.0))
-    if ti.static(w.turns):
-        add(g.turn, i, spin(w, i) * time)
-    if ti.static(w.clumps):
-        head(w, i)
-
-
-@ti.func
-def go_on(w: ti.template(), i, j, before, time, one, two):
-    """Moves two grains that have met along their new path, to where that comes nearest to where they were: answered ahead of time, they
-    then do not stand in the way of others. `before` is how the second moved as seen from the first.
-    """
-    motion = velocity(w, j) - velocity(w, i)
-    way = at_least(0.0, -time * before.dot(motion) / (motion.dot(motion) + 1e-30)) * motion
-    add(w.grains.shift, i, -one * way)
-    add(w.grains.shift, j, two * way)
-
-
-@ti.func
 def carry_over(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
     """Looks at pair p where its grains are now, and lays by there what it carries, no longer where they were."""
     i = w.pairs.first[p]
     j = i if ti.static(wall) else w.pairs.second[p]
     carried = w.pairs.force[p] * c.step
-    if carried.x != 0.0:
-        first, second = load_of(w, s, c, p, i, j, carried, wall)
-        look(w, s, c, p, wall)
-        one, two = load_of(w, s, c, p, i, j, carried, wall)
-        add(w.grains.wrench, i, one - first)
-        if ti.static(not wall):
-            add(w.grains.wrench, j, two - second)
-    else:
-        look(w, s, c, p, wall)
+    for turn in range(2):
+        if carried.x != 0.0:
+            sign = 2.0 * turn - 1.0
+            first, second = load_of(w, s, c, p, i, j, carried, wall)
+            add(w.grains.wrench, i, sign * first)
+            if ti.static(not wall):
+                add(w.grains.wrench, j, sign * second)
+        if turn == 0:
+            look(w, s, c, p, wall)
 
 
 @ti.func
@@ -303,14 +256,14 @@ def collide_all(w: ti.template(), s: ti.template(), c: ti.template()):
     sweep(w, (foresee,), nothing, s, c, colliding)
     close_round(w)
     if ti.static(w.layout == "one"):
-        for _round in range(ROUNDS):
+        for _round in range(ti.static(rounds(w)) + 1):  # in the last one pairs only follow
             sweep(w, collide_hit, nothing, s, c, colliding)
             ram_all(w, s, c)
             close_round(w)
     else:
-        for _round in ti.static(range(2)):
+        for _round in ti.static(range(rounds(w))):
             sweep(w, collide_hit, nothing, s, c, colliding)
             ram_all(w, s, c)
             close_round(w)
-    sweep(w, catch_up, nothing, s, c, ahead)
+        sweep(w, catch_up, nothing, s, c, ahead)
     w.pace[None].impacts = 0

@@ -2,10 +2,9 @@
 
 import taichi as ti
 
-from taichi_sand.world.clumps import tilt, torques, turned
+from taichi_sand.world.clumps import tilt, torques
 from taichi_sand.world.geometry import (
     add,
-    at_least,
     couple,
     distance_to_second,
     motion_of,
@@ -87,22 +86,6 @@ def look(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.templ
     w.pairs.normal[p], w.pairs.gap[p] = normal, distance - w.pairs.contact_distance[p]
     if ti.static(w.clumps):
         weigh_clumps(w, p, i, i if ti.static(wall) else w.pairs.second[p], wall)
-
-
-@ti.func
-def flight(w: ti.template(), p, i, j, normal, gap, motion, speed):
-    """Time until the discs of pair p of two grains touch [s], if they fly on as they do; 1e30 if they pass one another."""
-    total, away = w.pairs.contact_distance[p], at_least(0.0, gap)
-    run = motion
-    if ti.static(w.clumps):
-        arms = w.pairs.arms[p]
-        run += spin(w, j) * perp(turned(w, j, arms.zw)) - spin(w, i) * perp(turned(w, i, arms.xy))
-    inwards = -speed * (total + away)
-    reached = inwards * inwards - run.dot(run) * away * (away + 2.0 * total)
-    time = ti.select(away > 0.0, 1e30, 0.0)
-    if away > 0.0 and reached >= 0.0 and inwards > 0.0:
-        time = away * (away + 2.0 * total) / (inwards + ti.sqrt(reached))
-    return time
 
 
 @ti.func

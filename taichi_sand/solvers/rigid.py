@@ -15,8 +15,9 @@ from typing import Any, ClassVar
 import taichi as ti
 
 from taichi_sand.solvers.bed import Bed
+from taichi_sand.solvers.flights import flight
 from taichi_sand.solvers.impacts import collide_all, guess
-from taichi_sand.solvers.impulses import arms, cone, flight, give, lay_by, look, lowest, meeting, resist_rolling, slip_by, slip_of
+from taichi_sand.solvers.impulses import arms, cone, give, lay_by, look, lowest, meeting, resist_rolling, slip_by, slip_of
 from taichi_sand.solvers.tolerance import rigid_numbers
 from taichi_sand.world import fields
 from taichi_sand.world.geometry import add, at_least, movable, within, wrench
