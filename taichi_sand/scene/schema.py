@@ -37,7 +37,9 @@ class Solver(Table):
 
     kind: Literal["md", "rigid"] = key("rigid", "md: soft discs, forces; rigid: hard discs, impulses")
     tolerance: Number = key(0.02, "overlap allowed at rest, as a fraction of the mean grain diameter", "d", ge=0.0005, le=0.3)
-    restitution: Number = key(0.1, "normal speed after an impact / before it", ge=0, le=1)
+    restitution: Number = key(
+        0.1, "normal speed after an impact / before it; rigid: slower than max(0.3 √(g d), 4 g h) they rest", ge=0, le=1
+    )
     precision: Literal[32, 64] = key(32, "bits of a number in the solver, 32 or 64")
     step: Number | None = key(None, "time step", "s", gt=0, le=0.1)
     substeps: Whole | None = key(None, "rigid: steps in 1/60 s, instead of `step`", ge=1, le=100_000)
