@@ -16,6 +16,7 @@ from taichi_sand.world.geometry import (
     wrench,
 )
 from taichi_sand.world.ledger import set_off, strike
+from taichi_sand.world.memory import hand_on
 
 
 @ti.func
@@ -83,6 +84,8 @@ def look(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.templ
     """Normal and gap of pair p, where its grains have moved to."""
     i = w.pairs.first[p]
     distance, normal = distance_to_second(w, p, i, wall)
+    if ti.static(wall):
+        hand_on(w, p, i, distance, normal, False)
     w.pairs.normal[p], w.pairs.gap[p] = normal, distance - w.pairs.contact_distance[p]
     if ti.static(w.clumps):
         weigh_clumps(w, p, i, i if ti.static(wall) else w.pairs.second[p], wall)

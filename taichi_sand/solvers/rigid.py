@@ -23,7 +23,6 @@ from taichi_sand.world import fields
 from taichi_sand.world.geometry import add, at_least, movable, within, wrench
 from taichi_sand.world.ledger import settle_work
 from taichi_sand.world.links import pull_links, settle_links
-from taichi_sand.world.memory import hand_on
 from taichi_sand.world.motion import drift, with_body
 from taichi_sand.world.movers import place_walls
 from taichi_sand.world.servo import along_course, apart, bear, drives, nobody, weightless
