@@ -137,10 +137,12 @@ INDICES: dict[str, tuple[Bound, Bound] | str] = {
     "naps.state:moved": FLAG,
     "naps.state:due": FLAG,
     "naps.state:seen": (0, LATEST),
-    **{f"pace:{name}": FLAG for name in ("strayed", "spent", "impacts", "guess", "hit", "half", "short", "hasty")},
-    **{f"pace:{name}": (0, LATEST) for name in ("since", "done", "searches")},
+    **{f"pace:{name}": FLAG for name in ("strayed", "spent", "impacts", "guess", "hit", "half", "short", "hasty", "moved")},
+    **{f"pace:{name}": (0, LATEST) for name in ("since", "done", "searches", "round")},
     "pace:lacking": SAME,
     "pace:watch": SAME,
+    "struck": (0, LATEST),  # marks of a round
+    "near": (0, LATEST),
     "effects.now:work": (0, 3),
     "effects.now:grain": (-1, LARGEST),
 }
