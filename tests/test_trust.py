@@ -37,7 +37,6 @@ SCENES: dict[str, dict[str, Any]] = {
         "walls": [
             {"points": [[0.1, 0.1], [0.2, 0.1]], "spin": 1.0},
             {"points": [[0.3, 0.1], [0.4, 0.1]], "friction": 0.3},
-            {"points": [[0.2, 0.0], [0.3, 0.0]], "velocity": [0.0, 0.1], "force": 0.1},
         ],
         "sources": [{"radius": 0.01, "rate": 30.0, "region": [0.1, 0.3, 0.4, 0.4]}],
         "sinks": [{"region": [0.0, 0.0, 0.1, 0.1]}],
@@ -45,6 +44,7 @@ SCENES: dict[str, dict[str, Any]] = {
     },
     "bonds": {
         "grains": [{"shape": "2x1", "radius": 0.005, "count": 20, "bonded": True}, {"shape": "2x1", "radius": 0.03, "count": 1}],
+        "walls": [{"points": [[0.2, 0.0], [0.3, 0.0]], "velocity": [0.0, 0.1], "force": 0.1}],
         "effects": {"bonds": {}},
         "solver": {"kind": "md"},
     },

@@ -15,6 +15,7 @@ from taichi_sand.keeping import misfit
 from taichi_sand.play.snapshot import Rows, Snapshot, to_bytes
 from taichi_sand.view.film import mp4, save_png
 from taichi_sand.world import checkpoint
+from taichi_sand.world.table_room import Rooms
 
 if TYPE_CHECKING:
     from taichi_sand.play.session import Session
@@ -41,7 +42,7 @@ def read(path: Path) -> str:
     """A checkpoint as ["load", …] takes it; SandError if it is none."""
     about, arrays = checkpoint.load(path, misfit)
     fields = {name: Rows(array.shape, [(0, len(array))] if array.ndim else [], array) for name, array in arrays.items()}
-    return base64.b64encode(to_bytes(Snapshot(Host.from_json(about["host"]), fields))).decode()
+    return base64.b64encode(to_bytes(Snapshot(Host.from_json(about["host"]), fields, Rooms(*about["rooms"])))).decode()
 
 
 def save_picture(window: Any) -> Path:
