@@ -16,6 +16,16 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--arch", default="cpu", help="backend for the tests of the layout that a GPU runs on")
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What slow.txt names is marked slow, beside what is marked in its own place."""
+    lines = Path(__file__).with_name("slow.txt").read_text().splitlines()
+    names = tuple(line for line in lines if line and not line.startswith("#"))
+    for item in items:
+        if item.nodeid.startswith(names):
+            item.add_marker("slow")
+
+
 @pytest.fixture(scope="module", autouse=True)
 def nobody_elses_simulation() -> None:
     """Fixtures of another file may still hold theirs, on other threads or of other precision.

@@ -39,9 +39,9 @@ def small_rooms(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-def run(case: str, kind: str, path: Path | None = None, seconds: float = 0.3) -> sand.Simulation:
+def run(case: str, kind: str, path: Path | None = None, seconds: float = 0.3, **more: Any) -> sand.Simulation:
     """The case after so long; with a `path` saved and resumed half-way."""
-    keys = {"mu": 0.5, "gravity": (0, -G), **CASES[case]}
+    keys = {"mu": 0.5, "gravity": (0, -G), **CASES[case], **more}
     effects = keys.pop("effects", {})
     solver = {"kind": kind, "precision": 32, "tolerance": 0.05}
     sim = simulate(keys.pop("grains"), SIZE, solver, **keys, **({"effects": {"friction": {"mu": 0.5}, **effects}} if effects else {}))
@@ -80,7 +80,7 @@ def test_grown_tables_change_no_bit(case: str, kind: str, monkeypatch: pytest.Mo
 def test_undo_after_tables_have_grown(monkeypatch: pytest.MonkeyPatch) -> None:
     """A moment from before, with small tables, is gone back to bit for bit; and one of large tables in a simulation of small ones."""
     small_rooms(monkeypatch)
-    sim = run("discs", "rigid", seconds=0.0)
+    sim = run("discs", "rigid", seconds=0.0, hand=True)
     start, early = take(sim), rooms_of(sim.world)
     sim.advance(0.1)
     first, grown, later = digest(sim), rooms_of(sim.world), take(sim)
@@ -92,6 +92,6 @@ def test_undo_after_tables_have_grown(monkeypatch: pytest.MonkeyPatch) -> None:
     other = from_bytes(to_bytes(later))
     del sim
     fresh_taichi()
-    sim = run("discs", "rigid", seconds=0.0)
+    sim = run("discs", "rigid", seconds=0.0, hand=True)
     restore(sim, other)
     assert digest(sim) == first and rooms_of(sim.world) == grown

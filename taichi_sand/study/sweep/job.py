@@ -64,9 +64,10 @@ def _run(job: Job, timeout: float | None) -> tuple[dict[str, Any], list[dict[str
     end = time.monotonic() + timeout if timeout else None
     with own_effects(job.own):
         sim = Simulation(Scene.from_json(job.scene), arch=job.arch, threads=1)
-        series = []
-        for share in _stops(job.seconds, job.every):
-            _advance(sim, share - sim.time, end)
+        series, before = [], 0.0
+        for stop in _stops(job.seconds, job.every):
+            _advance(sim, stop - before, end)
+            before = stop
             if job.every:
                 series.append(numbers(sim.report()))
         report = {key: value for key, value in sim.report().items() if key not in TIMINGS}
