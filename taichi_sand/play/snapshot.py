@@ -155,4 +155,5 @@ def misfit(head: dict[str, Any], announced: dict[str, archive.Announced]) -> str
         if shape and (ends != sorted(ends) or ends[-1] > shape[0] or kept != (sum(high - low for low, high in spans), *shape[1:])):
             return f"the rows of {name} do not fit its shape"
     scene = Scene.from_json(head["host"]["scene"])
-    return rooms.misfit(scene, rooms.by_hand(scene), Rooms(*head["rooms"]), shapes)
+    room = min(rooms.by_hand(scene), shapes[rooms.GRAINS][0])  # at most: it does not say whether there is a hand
+    return rooms.misfit(scene, room, Rooms(*head["rooms"]), shapes)
