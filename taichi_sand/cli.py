@@ -58,10 +58,11 @@ def run(
             writing.check(save, "--save")
         asked = _overrides(overrides, **{"solver.precision": precision})
         sim = _start(scene, asked, effect, arch, threads) if resume is None else _resume(resume, scene, asked, effect, arch, threads)
-        if seconds is None:
-            seconds = max(0.0, sim.scene.duration - sim.time - sim.owed)
         with progress_bar(sim.scene.title or "run") as progress:
-            sim.advance(seconds, progress=progress)
+            if seconds is None:
+                sim.advance_to(sim.scene.duration, progress=progress)
+            else:
+                sim.advance(seconds, progress=progress)
         if save is not None:
             sim.save(save)
         report = sim.report()

@@ -161,6 +161,10 @@ class Simulation(Growing, Tuning, Looking, Keeping, Readings):
         with running(self):
             self._advance(seconds, progress)
 
+    def advance_to(self, time: float, progress: Callable[[float], None] | None = None) -> None:
+        """Simulates until `time` [s], to the nearest step; not at all if that is past. For the rest see `advance`."""
+        self.advance(max(0.0, stretch(time) - self.time - self.owed), progress)
+
     def _advance(self, seconds: float, progress: Callable[[float], None] | None) -> None:
         start, due = self.time, self.owed + seconds
         while True:

@@ -119,13 +119,15 @@ class Quick:
     """Stands in for a simulation where only what the command makes of it matters."""
 
     said = ("3 grains were lost.",)
-    owed = 0.0
 
     def __init__(self, scene: object, **_: object) -> None:
         self.scene, self.time = scene, 0.0
 
     def advance(self, seconds: float, progress: object = None) -> None:
         self.time += seconds
+
+    def advance_to(self, time: float, progress: object = None) -> None:
+        self.time = time
 
     def flags(self) -> list[str]:
         return list(self.said)
@@ -139,6 +141,8 @@ class Interrupted(Quick):
 
     def advance(self, seconds: float, progress: object = None) -> None:
         raise KeyboardInterrupt
+
+    advance_to = advance
 
 
 def test_what_the_physics_flags_is_said_and_exits_with_1(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -42,6 +42,18 @@ def test_any_strides_add_up(flight: sand.Simulation, strides: list[float]) -> No
         assert abs(flight.time - start - total) <= 0.5 * flight.step * (1 + 1e-6)
 
 
+@settings(max_examples=30, deadline=None)
+@given(strides=st.lists(st.floats(0, 0.02), max_size=20), between=st.floats(0, 0.01))
+def test_any_moment_is_met(flight: sand.Simulation, strides: list[float], between: float) -> None:
+    """Whatever was left over before."""
+    flight.advance(between)
+    moment = flight.time
+    for stride in strides:
+        moment += stride
+        flight.advance_to(moment)
+        assert abs(flight.time - moment) <= 0.5 * flight.step * (1 + 1e-6)
+
+
 def test_a_loop_until_a_time_ends(flight: sand.Simulation) -> None:
     end, rounds = flight.time + 9.5 * flight.step, 0  # ten steps, whatever the last bit of a time
     while flight.time < end:

@@ -193,7 +193,7 @@ class Runner:
         distance = math.nan
         for moment, noted in stops:
             start, steps = clock(), sim.steps
-            sim.advance(max(0.0, moment - sim.time))
+            sim.advance_to(moment)
             spent, done = spent + clock() - start, done + sim.steps - steps
             if noted:
                 errors.note(sim, diary, moment > LATE * self.seconds)
@@ -206,7 +206,7 @@ class Runner:
 
 def places(sim: Any, moment: float) -> np.ndarray:
     """Centres of the grains at time `moment` [s], shape (n, 2): where they are after the last step before it, and on from there."""
-    sim.advance(max(0.0, moment - sim.time))
+    sim.advance_to(moment)
     return sim.positions + (moment - sim.time) * sim.velocities
 
 

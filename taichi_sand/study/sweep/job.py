@@ -64,10 +64,9 @@ def _run(job: Job, timeout: float | None) -> tuple[dict[str, Any], list[dict[str
     end = time.monotonic() + timeout if timeout else None
     with own_effects(job.own):
         sim = Simulation(Scene.from_json(job.scene), arch=job.arch, threads=1)
-        series, before = [], 0.0
+        series = []
         for stop in _stops(job.seconds, job.every):
-            _advance(sim, stop - before, end)
-            before = stop
+            _advance(sim, stop, end)
             if job.every:
                 series.append(numbers(sim.report()))
         report = {key: value for key, value in sim.report().items() if key not in TIMINGS}
@@ -84,15 +83,14 @@ def _stops(seconds: float, every: float | None) -> list[float]:
     return [*(k * every for k in range(int(seconds / every - 1e-9) + 1)), seconds]
 
 
-def _advance(sim: Any, seconds: float, end: float | None) -> None:
-    """Simulates on; TooLong once the clock is past `end`."""
+def _advance(sim: Any, until: float, end: float | None) -> None:
+    """Simulates until `until` [s]; TooLong once the clock is past `end`."""
 
     def look(_: float) -> None:
         if end is not None and time.monotonic() > end:
             raise TooLong
 
-    if seconds > 0:
-        sim.advance(seconds, progress=look if end is not None else None)
+    sim.advance_to(until, progress=look if end is not None else None)
 
 
 def numbers(report: dict[str, Any]) -> dict[str, float]:
