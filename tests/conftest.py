@@ -2,6 +2,7 @@
 
 import gc
 import os
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -38,6 +39,14 @@ def nobody_elses_simulation() -> None:
     fresh_taichi()
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(autouse=True)
+def nobody_elses_effects() -> Iterator[None]:
+    """Effects of a user's own that a test has loaded are gone after it."""
+    yield
+    if effects := sys.modules.get("taichi_sand.effects"):
+        effects.own.clear()
 
 
 @pytest.fixture

