@@ -7,6 +7,7 @@ import taichi as ti
 
 from taichi_sand.world.motion import close_step
 from taichi_sand.world.naps import called, drowsy
+from taichi_sand.world.noinline import noinline
 from taichi_sand.world.pairs import progress, search
 from taichi_sand.world.rest import rearrange, search_whole
 from taichi_sand.world.stir import bury, stir
@@ -41,7 +42,7 @@ class Cadence:
             self.cost = max(seconds / steps, 0.5 * self.cost)
 
 
-@ti.func
+@noinline
 def make_ready(w: ti.template(), s: ti.template()):
     """Wakes who is called, and makes the search that is due."""
     if ti.static(w.sleeps):

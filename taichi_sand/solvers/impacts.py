@@ -9,6 +9,7 @@ from taichi_sand.solvers.impulses import arms, cone, give, load_of, look, lowest
 from taichi_sand.world.boulders import is_boulder
 from taichi_sand.world.geometry import add, at_least, at_most, movable, within, wrench
 from taichi_sand.world.ledger import drive, settle_work
+from taichi_sand.world.noinline import noinline
 from taichi_sand.world.servo import along_course, apart, driver, drives, each_driven, hit_by
 from taichi_sand.world.sweep import nothing, sweep
 
@@ -53,6 +54,12 @@ def ram(w: ti.template(), s: ti.template(), c: ti.template(), p):
         hit_by(w, m, along_course(w, m, impulse, w.pairs.normal[p]))
 
 
+@noinline
+def ram_with(w: ti.template(), s: ti.template(), m: ti.i32):
+    """The impacts with wall m."""
+    each_driven(w, s, s.constants[None], m, ram)
+
+
 @ti.func
 def ram_all(w: ti.template(), s: ti.template(), c: ti.template()):
     """The impacts with walls with `force`, one after the other."""
@@ -61,7 +68,7 @@ def ram_all(w: ti.template(), s: ti.template(), c: ti.template()):
         for _run in range(1):
             if colliding(w):
                 for m in range(w.movers.walls[None]):
-                    each_driven(w, s, c, m, ram)
+                    ram_with(w, s, m)
 
 
 @ti.func
@@ -75,9 +82,16 @@ def foresee(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
             mark(w, s, j, False)
 
 
-@ti.func
-def each_hit(w: ti.template(), s: ti.template(), c: ti.template(), b, do: ti.template()):
+@noinline
+def do_with_wall(w: ti.template(), s: ti.template(), do: ti.template(), p: ti.i32):
+    """do(w, s, c, row, wall) on wall pair p."""
+    do(w, s, s.constants[None], p, True)
+
+
+@noinline
+def each_hit(w: ti.template(), s: ti.template(), b: ti.i32, do: ti.template()):
     """do(w, s, c, row, wall) on the pairs of block b of which a grain has been hit since they were looked at."""
+    c = s.constants[None]
     since, half = 2 * w.pace[None].round - 2, w.pace[None].half
     for i in range(w.blocks.grain_start[b], w.blocks.grain_end[b]):
         boulder = False
@@ -91,19 +105,19 @@ def each_hit(w: ti.template(), s: ti.template(), c: ti.template(), b, do: ti.tem
                     do(w, s, c, p, False)
             for k in range(w.pairs.wall_row_count[row]):
                 if s.struck[i] >= since:
-                    do(w, s, c, w.pairs.wall_row_start[row] + k, True)
+                    do_with_wall(w, s, do, w.pairs.wall_row_start[row] + k)
 
 
 @ti.func
 def collide_hit(w: ti.template(), s: ti.template(), c: ti.template(), b):
     """A round of impacts in block b."""
-    each_hit(w, s, c, b, collide)
+    each_hit(w, s, b, collide)
 
 
 @ti.func
 def catch_up(w: ti.template(), s: ti.template(), c: ti.template(), b):
     """Where grains of block b have been moved in the last round, their pairs follow."""
-    each_hit(w, s, c, b, follow)
+    each_hit(w, s, b, follow)
 
 
 @ti.func

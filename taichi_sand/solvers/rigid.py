@@ -288,7 +288,7 @@ def step(w: ti.template(), s: ti.template(), impacts: ti.template()):
         each_grain(w, guess if ti.static(impacts) else kick, s, c)
         if ti.static(drives(w)):
             sweep(w, (solve,), nothing, s, c, going)
-            bear(w, s, c, press_softly, solve_driven, nobody, True)
+            bear(w, s, press_softly, solve_driven, nobody, True)
             each_grain(w, move, s, c)
         else:
             sweep(w, (solve,), move, s, c, going)
@@ -300,7 +300,7 @@ def step(w: ti.template(), s: ti.template(), impacts: ti.template()):
         else:
             sweep(w, (look, relax), nothing, s, c, going)
         if ti.static(drives(w)):
-            bear(w, s, c, press_hard, relax_driven, keep_driven, False)
+            bear(w, s, press_hard, relax_driven, keep_driven, False)
 
 
 def numbers(scene: Any, bed: Bed) -> dict[str, float]:

@@ -5,6 +5,7 @@ import taichi as ti
 from taichi_sand.world.clumps import MOST, disc_count, disc_of, turned
 from taichi_sand.world.geometry import mobility, perp, spin, velocity, weigh_clumps
 from taichi_sand.world.memory import remember
+from taichi_sand.world.noinline import noinline
 from taichi_sand.world.tables import ABREAST, FEW_ABREAST
 
 
@@ -33,8 +34,8 @@ def abreast(column: ti.template(), first, part: ti.template(), many: ti.template
     return ti.Vector([column[first + k][part] for k in range(many)])
 
 
-@ti.func
-def list_range(w: ti.template(), i, start, end, p, last, lanes: ti.template()):
+@noinline
+def list_range(w: ti.template(), i: ti.i32, start: ti.i32, end: ti.i32, p: ti.i32, last: ti.i32, lanes: ti.template()) -> ti.i32:
     """Lists grain i with those of the grains start .. end-1 that it may meet; with no lanes it only counts them."""
     grid = ti.static(w.grid)
     box = w.box[None]
@@ -62,8 +63,8 @@ def list_range(w: ti.template(), i, start, end, p, last, lanes: ti.template()):
     return row
 
 
-@ti.func
-def list_pair(w: ti.template(), i, j, row, last, lanes: ti.template()):
+@noinline
+def list_pair(w: ti.template(), i: ti.i32, j: ti.i32, row: ti.i32, last: ti.i32, lanes: ti.template()) -> ti.i32:
     """Lists the discs of grains i and j that, looked at closely, may meet. Returns the next row."""
     g = ti.static(w.grains)
     box = w.box[None]

@@ -16,6 +16,7 @@ from taichi_sand.world.memory import carry
 from taichi_sand.world.movers import start_walls
 from taichi_sand.world.naps import call, call_by_walls, settle, site_of, translate
 from taichi_sand.world.near import list_range, may_meet
+from taichi_sand.world.noinline import noinline
 from taichi_sand.world.scan import running_sums
 from taichi_sand.world.servo import drives, link_driven
 from taichi_sand.world.table_room import PAIRS, WALLS, lack
@@ -108,8 +109,8 @@ def assign_cells(w: ti.template()):
         w.grid.cell[i] = cell_count(w) if gone else cell
 
 
-@ti.func
-def list_block(w: ti.template(), b):
+@noinline
+def list_block(w: ti.template(), b: ti.i32):
     """Lists the pairs whose first grain belongs to block b, in the block's own part of the table."""
     pairs = ti.static(w.pairs)
     blocks = ti.static(w.blocks)
@@ -212,8 +213,8 @@ def list_neighbours(w: ti.template(), i, p, last, lanes: ti.template()):
     return row_p
 
 
-@ti.func
-def list_sleepers(w: ti.template(), i, p, last, lanes: ti.template()):
+@noinline
+def list_sleepers(w: ti.template(), i: ti.i32, p: ti.i32, last: ti.i32, lanes: ti.template()) -> ti.i32:
     """Lists grain i, awake, with the sleepers that it may meet; those it would hit are called before. Returns the next row."""
     naps = ti.static(w.naps)
     row = p

@@ -12,6 +12,7 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.world.geometry import distance_to_second, perp, wall_row
+from taichi_sand.world.noinline import noinline
 from taichi_sand.world.sweep import block_count, going
 
 MOST_TRIALS = 24
@@ -197,7 +198,6 @@ def nobody(w: ti.template(), s: ti.template(), c: ti.template(), p):
 def bear(
     w: ti.template(),
     s: ti.template(),
-    c: ti.template(),
     push: ti.template(),
     solve: ti.template(),
     keep: ti.template(),
@@ -211,17 +211,26 @@ def bear(
     ti.loop_config(serialize=True)
     for _run in range(1):
         if going(w):
-            movers = ti.static(w.movers)
-            for m in range(movers.walls[None]):
-                if movers.force[m] > 0.0:
-                    if ti.static(first):
-                        movers.onward[m] = movers.rate[m]
-                    impulse, start = movers.force[m] * c.step, movers.onward[m]
-                    rate = balance(w, s, c, m, push, 0.0, impulse, movers.mass[m], start, movers.rate[m])
-                    if ti.static(first):
-                        movers.rate[m] = rate
-                    else:
-                        movers.onward[m] = rate
-                    each_driven(w, s, c, m, solve)
-                    run_at(w, m, movers.rate[m], c.step)
-                    each_driven(w, s, c, m, keep)
+            for m in range(w.movers.walls[None]):
+                if w.movers.force[m] > 0.0:
+                    bear_wall(w, s, push, solve, keep, first, m)
+
+
+@noinline
+def bear_wall(
+    w: ti.template(), s: ti.template(), push: ti.template(), solve: ti.template(), keep: ti.template(), first: ti.template(), m: ti.i32
+):
+    """The same for wall m."""
+    c = s.constants[None]
+    movers = ti.static(w.movers)
+    if ti.static(first):
+        movers.onward[m] = movers.rate[m]
+    impulse, start = movers.force[m] * c.step, movers.onward[m]
+    rate = balance(w, s, c, m, push, 0.0, impulse, movers.mass[m], start, movers.rate[m])
+    if ti.static(first):
+        movers.rate[m] = rate
+    else:
+        movers.onward[m] = rate
+    each_driven(w, s, c, m, solve)
+    run_at(w, m, movers.rate[m], c.step)
+    each_driven(w, s, c, m, keep)

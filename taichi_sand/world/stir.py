@@ -8,6 +8,7 @@ import taichi as ti
 from taichi_sand.world.clumps import head
 from taichi_sand.world.geometry import add, perp, position, wall_row
 from taichi_sand.world.naps import drowsy, home, sleeper_block
+from taichi_sand.world.noinline import noinline
 from taichi_sand.world.pairs import clear_rows
 
 
@@ -33,8 +34,8 @@ def stir_now(w: ti.template()) -> ti.i32:
     return stirred
 
 
-@ti.func
-def number_anew(w: ti.template(), first, last):
+@noinline
+def number_anew(w: ti.template(), first: ti.i32, last: ti.i32) -> ti.i32:
     """`slot` of every sleeper: those who wake first, then the others in the order they have. Returns the end of those who wake or move."""
     naps = ti.static(w.naps)
     slot = naps.state[None].awake
@@ -66,8 +67,8 @@ def number_anew(w: ti.template(), first, last):
     return end
 
 
-@ti.func
-def rename(w: ti.template(), first, last):
+@noinline
+def rename(w: ti.template(), first: ti.i32, last: ti.i32):
     """The pairs of sleepers, frozen or with one awake, under the new slots."""
     naps, pairs = ti.static(w.naps, w.pairs)
     frozen = sleeper_block(w)
@@ -81,8 +82,8 @@ def rename(w: ti.template(), first, last):
             pairs.first[p] = naps.slot[pairs.first[p]]
 
 
-@ti.func
-def move_up(w: ti.template(), first, end):
+@noinline
+def move_up(w: ti.template(), first: ti.i32, end: ti.i32):
     """Moves the sleepers first .. end-1, all that they carry and where their pairs begin to their new slots."""
     g, naps, pairs, whole, number = ti.static(w.grains, w.naps, w.pairs, w.grid.whole, w.grid.number)
     for j in range(first, end):
@@ -119,7 +120,7 @@ def move_up(w: ti.template(), first, end):
             pairs.row_start[at], pairs.row_count[at], pairs.wall_row_start[at], pairs.wall_row_count[at] = i[0], i[1], i[2], i[3]
 
 
-@ti.func
+@noinline
 def bury(w: ti.template()):
     """Empties the frozen rows of pairs of which one member is awake: the search has listed them anew, with what they carried."""
     b = sleeper_block(w)

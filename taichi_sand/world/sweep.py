@@ -14,6 +14,7 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.world.geometry import present
+from taichi_sand.world.noinline import noinline
 from taichi_sand.world.tables import CHUNK, STRIPS
 
 CELL_COLOURS = 6
@@ -41,6 +42,30 @@ def sweep_block(w: ti.template(), b, pair: ti.template(), s: ti.template(), c: t
                 one(w, s, c, p, False)
             for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
                 one(w, s, c, p, True)
+    else:
+        pair(w, s, c, b)
+
+
+@noinline
+def run_pairs(w: ti.template(), s: ti.template(), one: ti.template(), wall: ti.template(), b: ti.i32, step: ti.f64):
+    """one(w, s, c, row, wall) on the pairs of block b, or on its pairs with walls, with the constants of the solver and this step [s]."""
+    c = s.constants[None]
+    c.step = ti.cast(step, w.real)
+    if ti.static(wall):
+        for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
+            one(w, s, c, p, True)
+    else:
+        for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
+            one(w, s, c, p, False)
+
+
+@ti.func
+def run_block(w: ti.template(), b, pair: ti.template(), s: ti.template(), c: ti.template()):
+    """The same, of a solver."""
+    if ti.static(isinstance(pair, tuple)):
+        for one in ti.static(pair):
+            for wall in ti.static((False, True)):
+                run_pairs(w, s, one, wall, b, c.step)
     else:
         pair(w, s, c, b)
 
@@ -83,7 +108,7 @@ def sweep(w: ti.template(), pair: ti.template(), grain: ti.template(), s: ti.tem
         sweep_boulders(w, pair, grain, s, c, when)
     if ti.static(w.layout == "one"):
         if when(w):
-            sweep_block(w, 0, pair, s, c)
+            run_block(w, 0, pair, s, c)
             grains_of_block(w, 0, grain, s, c)
     elif ti.static(w.layout == "strips"):
         sweep_strips(w, pair, grain, s, c, when)
@@ -100,7 +125,7 @@ def sweep_boulders(w: ti.template(), pair: ti.template(), grain: ti.template(), 
     for _run in range(1):
         if when(w):
             b = block_count(w) - 1
-            sweep_block(w, b, pair, s, c)
+            run_block(w, b, pair, s, c)
             if ti.static(w.layout != "cells"):
                 grains_of_block(w, b, grain, s, c)
 
@@ -135,12 +160,12 @@ def sweep_strips(w: ti.template(), pair: ti.template(), grain: ti.template(), s:
         if starts_chunk(k):
             b = 2 * dealt(chunk_of(k))
             if when(w):
-                sweep_block(w, b, pair, s, c)
+                run_block(w, b, pair, s, c)
     for k in range(STRIPS // 2 * CHUNK):
         if starts_chunk(k):
             b = 2 * dealt(chunk_of(k)) + 1
             if when(w):
-                sweep_block(w, b, pair, s, c)
+                run_block(w, b, pair, s, c)
                 grains_of_block(w, b, grain, s, c)
                 grains_of_block(w, (b + 1) % STRIPS, grain, s, c)
 
@@ -172,22 +197,22 @@ def sweep_twice(
                 c = s.constants[None]
                 grains_of_block(w, b, start, s, c)
                 grains_of_block(w, b + 1, start, s, c)
-                sweep_block(w, b, first, s, c)
+                run_block(w, b, first, s, c)
     for k in range(STRIPS // 2 * CHUNK):
         if starts_chunk(k):
             b = 2 * dealt(chunk_of(k)) + 1
             if when(w):
                 c = s.constants[None]
-                sweep_block(w, b, first, s, c)
+                run_block(w, b, first, s, c)
                 grains_of_block(w, b, grain, s, c)
                 grains_of_block(w, (b + 1) % STRIPS, grain, s, c)
-                sweep_block(w, b, second, s, c)
+                run_block(w, b, second, s, c)
     for k in range(STRIPS // 2 * CHUNK):
         if starts_chunk(k):
             b = 2 * dealt(chunk_of(k))
             if when(w):
                 c = s.constants[None]
-                sweep_block(w, b, second, s, c)
+                run_block(w, b, second, s, c)
 
 
 @ti.func
@@ -203,7 +228,7 @@ def sweep_cells(w: ti.template(), pair: ti.template(), s: ti.template(), c: ti.t
             columns, rows = w.grid.columns[None], w.grid.rows[None]
             column, row = k // (rows // 3 + 1) * 2 + ti.static(colour // 3), k % (rows // 3 + 1) * 3 + ti.static(colour % 3)
             if column < columns and row < rows and when(w):
-                sweep_block(w, column * rows + row, pair, s, c)
+                run_block(w, column * rows + row, pair, s, c)
 
 
 @ti.func

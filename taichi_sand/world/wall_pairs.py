@@ -14,6 +14,7 @@ from taichi_sand.world.geometry import (
     weigh_clumps,
 )
 from taichi_sand.world.memory import remember_wall, yield_deep
+from taichi_sand.world.noinline import noinline
 
 
 @ti.func
@@ -24,23 +25,24 @@ def list_walls(w: ti.template(), i, q, last, listing: ti.template()):
     row = q
     sites = w.box[None].sites
     place = ti.min(ti.max(g.site[i], 0), sites - 1)
-    over = ti.cast(g.site[i] - place, w.real) * w.box[None].spacing + g.offset[i]
     if g.mobility[i].x > 0.0:
         site = place.x * sites.y + place.y
         for e in range(walls.start[site], walls.start[site + 1]):
-            row = list_entry(w, i, e, over, row, last, listing)
+            row = list_entry(w, i, e, row, last, listing)
         if ti.static(w.moves):
             k = w.movers.head[site]
             while k >= 0:
-                row = list_entry(w, i, walls.room + k, over, row, last, listing)
+                row = list_entry(w, i, walls.room + k, row, last, listing)
                 k = w.movers.next[k]
     return row
 
 
-@ti.func
-def list_entry(w: ti.template(), i, e, over, q, last, listing: ti.template()):
-    """Lists the discs of grain i, `over` from the centre of its site, with entry e of the walls. Returns the next row."""
+@noinline
+def list_entry(w: ti.template(), i: ti.i32, e: ti.i32, q: ti.i32, last: ti.i32, listing: ti.template()) -> ti.i32:
+    """Lists the discs of grain i with entry e of the walls. Returns the next row."""
     row = q
+    site = w.grains.site[i]
+    over = ti.cast(site - ti.min(ti.max(site, 0), w.box[None].sites - 1), w.real) * w.box[None].spacing + w.grains.offset[i]
     if ti.static(w.clumps):
         for a in range(disc_count(w, i)):
             row = list_wall(w, i, a, e, w.walls.point[e] - over, row, last, listing)
