@@ -169,7 +169,7 @@ def hooks() -> str:
 
 def commands() -> str:
     """Every command with its arguments and options, from the signatures of the program."""
-    from taichi_sand.cli import app
+    from taichi_sand.cli.main import app
 
     parts = []
     for info in app.registered_commands:
@@ -290,7 +290,7 @@ def docstring(thing: Any) -> str:
 
 def report_keys() -> str:
     """Every number of a report: what the head of measure.report says of it, or else its name in the printed table."""
-    from taichi_sand.printing import GROUPS
+    from taichi_sand.cli.printing import GROUPS
 
     report = importlib.import_module("taichi_sand.measure.report")
 
@@ -361,7 +361,7 @@ def window_knobs() -> str:
 
 def hard_cases() -> str:
     """The hard cases, with the case of the case book that each is."""
-    from taichi_sand.study import stress
+    from taichi_sand.study.stress import stress
 
     rows = []
     for case in stress.CASES.values():
@@ -372,7 +372,7 @@ def hard_cases() -> str:
 
 def validation() -> str:
     """The rows of `taichi-sand validate`."""
-    from taichi_sand.study.cases import CASES
+    from taichi_sand.study.validate.cases import CASES
 
     rows = [
         (case.name, first_line(case.rows), case.source, ", ".join(code(k) for k in case.kinds), "yes" if case.quick else "no")
@@ -399,8 +399,8 @@ def headings() -> dict[str, str]:
 
 def law_tests() -> str:
     """Every case of the book with the tests, rows of `validate` and hard cases that hold the solvers to it."""
-    from taichi_sand.study import stress
-    from taichi_sand.study.cases import CASES
+    from taichi_sand.study.stress import stress
+    from taichi_sand.study.validate.cases import CASES
 
     known = headings()
     found: dict[str, dict[str, set[str]]] = {number: {"tests": set(), "validate": set(), "stress": set()} for number in known}

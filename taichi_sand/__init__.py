@@ -22,9 +22,9 @@ if os.name == "posix" and "HOME" not in os.environ:  # Taichi ends the process w
     os.environ["HOME"] = HOME if HOME != "~" else tempfile.gettempdir()
 
 if TYPE_CHECKING:
-    from taichi_sand.scene.errors import PhysicsError, SandError
+    from taichi_sand.errors import PhysicsError, SandError
+    from taichi_sand.run.simulation import Simulation
     from taichi_sand.scene.schema import Scene
-    from taichi_sand.simulation import Simulation
     from taichi_sand.study.sweep.engine import sweep
 
 __all__ = ["PhysicsError", "SandError", "Scene", "Simulation", "__version__", "load", "sweep"]
@@ -32,9 +32,9 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "Scene": "taichi_sand.scene.schema",
-    "SandError": "taichi_sand.scene.errors",
-    "PhysicsError": "taichi_sand.scene.errors",
-    "Simulation": "taichi_sand.simulation",
+    "SandError": "taichi_sand.errors",
+    "PhysicsError": "taichi_sand.errors",
+    "Simulation": "taichi_sand.run.simulation",
     "sweep": "taichi_sand.study.sweep.engine",
 }
 

@@ -53,14 +53,14 @@ def nobody_elses_effects() -> Iterator[None]:
 def arithmetic_as_written(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Taichi starts afresh without leave to fuse products and sums, and afresh once more for whoever comes next."""
     from taichi_sand.study.laboratory import fresh_taichi
-    from taichi_sand.world import device
+    from taichi_sand.taichi_support import runtime
 
     monkeypatch.setenv("TI_FAST_MATH", "0")
     fresh_taichi()
-    device.forget()
+    runtime.forget()
     yield
     fresh_taichi()
-    device.forget()
+    runtime.forget()
 
 
 @pytest.fixture

@@ -12,8 +12,9 @@ import taichi as ti
 from helpers import D, R, digest, fresh_taichi, listed
 
 import taichi_sand as sand
-from taichi_sand import marching
-from taichi_sand.world import build, checkpoint, scan
+from taichi_sand.run import stepping
+from taichi_sand.world import build, checkpoint
+from taichi_sand.world.search import prefix_sum
 
 LOOSE = {"radius": [0.004, 0.006], "count": 300, "fill": "lattice", "pitch": 1.3, "jitter": 0.1, "region": [0.0, 0.0, 0.3, 0.3]}
 FRICTION = {"friction": {"mu": 0.5}}
@@ -76,17 +77,17 @@ def test_sums_and_order(arch: str) -> None:
     """The parallel sort's parts against NumPy, over three levels of runs."""
     fresh_taichi()
     ti.init(arch=getattr(ti, arch), cpu_max_num_threads=2)
-    rows = scan.RUN**2 * 5 + 3
-    column, sums = ti.field(ti.i32, rows), ti.field(ti.i32, scan.scratch_rows(rows))
+    rows = prefix_sum.RUN**2 * 5 + 3
+    column, sums = ti.field(ti.i32, rows), ti.field(ti.i32, prefix_sum.scratch_rows(rows))
 
     @ti.kernel
     def add_up():
-        scan.running_sums(column, sums, True)
+        prefix_sum.running_sums(column, sums, True)
 
     @ti.kernel
     def put_in_order():
         for k in range(rows // 8):
-            scan.put_in_order(column, 8 * k, 8 * k + 8)
+            prefix_sum.put_in_order(column, 8 * k, 8 * k + 8)
 
     values = np.random.default_rng(1).integers(0, 9, rows).astype(np.int32)
     column.from_numpy(values)
@@ -118,13 +119,13 @@ def test_goes_on_to_the_same_bits(arch: str) -> None:
 
 def test_a_driver_that_leaves_cells_out_is_refused(arch: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """As if one cell had listed nothing, which leaves what the other half of the table had."""
-    real = marching.march
+    real = stepping.march
 
     def careless(sim: Any, *given: Any) -> None:
         real(sim, *given)
         sim.world.blocks.pair_end[5] = 0
 
-    monkeypatch.setattr(marching, "march", careless)
+    monkeypatch.setattr(stepping, "march", careless)
     with pytest.raises(sand.SandError, match=f"--arch {arch}: its driver leaves out"):
         start(scene_of("plain", "md"), arch)
 

@@ -6,7 +6,8 @@ from helpers import D, M, R
 
 import taichi_sand as sand
 from taichi_sand.play import snapshot
-from taichi_sand.world import census, hand
+from taichi_sand.world import edit
+from taichi_sand.world.extras import hand
 
 G = 9.81
 COLUMN = 6
@@ -44,10 +45,10 @@ def test_a_snapshot_brings_everything_back_bit_for_bit(column: tuple) -> None:
 def test_what_stays_keeps_its_load_when_the_top_is_taken_away(column: tuple) -> None:
     sim, start = column
     snapshot.restore(sim, start)
-    places, whole = census.places(sim.world)
+    places, whole = edit.places(sim.world)
     assert sorted(whole[:, 0]) == list(range(COLUMN))
     top = np.argmax(places[:, 1])
-    census.remove(sim.world, np.array([top]))
+    edit.remove(sim.world, np.array([top]))
     sim.removed += 1
     sim.renew()
     assert sim.count == COLUMN - 1 and sim.lost == 0 and whole[top, 0] not in sim.ids
@@ -65,7 +66,7 @@ def test_added_grains_fall_and_carry(column: tuple) -> None:
     snapshot.restore(sim, saved)
     new = {"position": np.array([[R, 12 * D], [R, 14 * D]]), "velocity": np.zeros((2, 2)), "kind": np.zeros(2)}
     new |= {"angle": np.zeros(2), "spin": np.zeros(2), "radius": np.full(2, R), "mass": np.full(2, M), "inertia": np.full(2, M * R**2 / 2)}
-    census.add(sim.world, new, sim.made)
+    edit.add(sim.world, new, sim.made)
     sim.made += 2
     sim.renew()
     assert list(sim.ids) == list(range(COLUMN + 2))
@@ -80,18 +81,18 @@ def test_added_grains_fall_and_carry(column: tuple) -> None:
 def test_held_grains_stay_and_fall_when_let_go(column: tuple) -> None:
     sim, start = column
     snapshot.restore(sim, start)
-    _, whole = census.places(sim.world)
+    _, whole = edit.places(sim.world)
     slot = np.flatnonzero(whole[:, 0] == COLUMN - 1)
-    census.hold(sim.world, slot, np.zeros((1, 2)))
-    census.remove(sim.world, np.flatnonzero(whole[:, 0] == COLUMN - 2))
+    edit.hold(sim.world, slot, np.zeros((1, 2)))
+    edit.remove(sim.world, np.flatnonzero(whole[:, 0] == COLUMN - 2))
     sim.removed += 1
     sim.renew()
     before = sim.positions[-1]
     sim.advance(0.1)
     assert np.array_equal(sim.positions[-1], before)
-    _, whole = census.places(sim.world)
+    _, whole = edit.places(sim.world)
     assert list(whole[whole[:, 2] == 1, 0]) == [COLUMN - 1]
-    census.hold(sim.world, np.flatnonzero(whole[:, 0] == COLUMN - 1), np.array([[1 / M, 2 / (M * R**2)]]))
+    edit.hold(sim.world, np.flatnonzero(whole[:, 0] == COLUMN - 1), np.array([[1 / M, 2 / (M * R**2)]]))
     sim.renew()
     sim.advance(0.02)
     assert sim.velocities[-1, 1] == pytest.approx(-G * 0.02, rel=0.1)

@@ -13,8 +13,8 @@ from PIL import Image
 from typer.testing import CliRunner, Result
 
 import taichi_sand as sand
-from taichi_sand.cli import app
-from taichi_sand.printing import GROUPS
+from taichi_sand.cli.main import app
+from taichi_sand.cli.printing import GROUPS
 
 SCENE = """
 title = "Drop"

@@ -7,8 +7,8 @@ import taichi as ti
 from helpers import D, G, R, simulate
 
 import taichi_sand as sand
-from taichi_sand import clock as clocks
-from taichi_sand.world import compiling
+from taichi_sand.run import clock as clocks
+from taichi_sand.taichi_support import compiling
 
 SOLVER = {"kind": "rigid"}
 GRAINS = [{"positions": [[0.1, R + k * D] for k in range(5)], "radius": R}]

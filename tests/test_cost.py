@@ -11,11 +11,11 @@ import pytest
 from typer.testing import CliRunner
 
 import taichi_sand as sand
-from taichi_sand.cli import app
-from taichi_sand.scene.errors import SandError
-from taichi_sand.study import cost, plot
-from taichi_sand.study.errors import NAMES
-from taichi_sand.study.table import as_csv, as_table, as_toml, legend
+from taichi_sand.cli.main import app
+from taichi_sand.errors import SandError
+from taichi_sand.study.cost import cost, plot
+from taichi_sand.study.cost.errors import NAMES
+from taichi_sand.study.cost.table import as_csv, as_table, as_toml, legend
 
 SMALL = ("scale=0.12", "grains.0.pitch=1.1")
 """120 grains that soon lie still."""

@@ -7,7 +7,7 @@ import pytest
 import taichi as ti
 from helpers import fresh_taichi
 
-from taichi_sand.world import device, direct, fields
+from taichi_sand.taichi_support import field_pool, host_access, runtime
 
 
 class User:
@@ -25,22 +25,22 @@ def nothing_left() -> Iterator[None]:
 def user() -> User:
     fresh_taichi()
     one = User()
-    device.start(one, "cpu", 1, 32)
+    runtime.start(one, "cpu", 1, 32)
     return one
 
 
 MAKES = {
-    "f32": lambda: fields.scalars(ti.f32, 5),
-    "f64, two axes": lambda: fields.scalars(ti.f64, (3, 4)),
-    "one i32": lambda: fields.scalars(ti.i32, ()),
-    "u8": lambda: fields.scalars(ti.u8, 7),
-    "u64": lambda: fields.scalars(ti.u64, 2),
-    "vectors": lambda: fields.vectors(3, ti.f32, 5),
-    "vectors apart": lambda: fields.vectors(2, ti.f64, (4, 3), layout=ti.Layout.SOA),
+    "f32": lambda: field_pool.scalars(ti.f32, 5),
+    "f64, two axes": lambda: field_pool.scalars(ti.f64, (3, 4)),
+    "one i32": lambda: field_pool.scalars(ti.i32, ()),
+    "u8": lambda: field_pool.scalars(ti.u8, 7),
+    "u64": lambda: field_pool.scalars(ti.u64, 2),
+    "vectors": lambda: field_pool.vectors(3, ti.f32, 5),
+    "vectors apart": lambda: field_pool.vectors(2, ti.f64, (4, 3), layout=ti.Layout.SOA),
 }
 OTHERS = {
-    "matrices": lambda: direct.adopt(ti.Matrix.field(2, 2, ti.f32, 3)),
-    "columns first": lambda: direct.adopt(ti.field(ti.i32, (3, 4), order="ji")),
+    "matrices": lambda: host_access.adopt(ti.Matrix.field(2, 2, ti.f32, 3)),
+    "columns first": lambda: host_access.adopt(ti.field(ti.i32, (3, 4), order="ji")),
 }
 
 
@@ -52,14 +52,14 @@ def counted(field: ti.Field) -> np.ndarray:
 
 def own(field: ti.Field) -> np.ndarray:
     """What Taichi's own kernel reads."""
-    return super(direct.Direct, field).to_numpy()
+    return super(host_access.Direct, field).to_numpy()
 
 
 @pytest.mark.parametrize("name", [*MAKES, *OTHERS])
 def test_as_taichi_does(name: str, user: User) -> None:
     """Arrays in and out, between two neighbours that stay as they are."""
-    before, field, after = fields.scalars(ti.f32, 4), {**MAKES, **OTHERS}[name](), fields.scalars(ti.f32, 4)
-    assert (own(field) == 0).all() and direct.plain(direct.members_of(field)[0]) == (name != "columns first")
+    before, field, after = field_pool.scalars(ti.f32, 4), {**MAKES, **OTHERS}[name](), field_pool.scalars(ti.f32, 4)
+    assert (own(field) == 0).all() and host_access.plain(host_access.members_of(field)[0]) == (name != "columns first")
     values = counted(field)
     field.from_numpy(values)
     assert (own(field) == values).all() and (field.to_numpy() == values).all() and field.to_numpy().dtype == own(field).dtype
@@ -86,13 +86,13 @@ def test_one_number_at_a_time(name: str, user: User) -> None:
 
 def test_beyond_the_end(user: User) -> None:
     with pytest.raises(IndexError):
-        fields.scalars(ti.f32, 3)[3]
+        field_pool.scalars(ti.f32, 3)[3]
 
 
 def test_members_of_a_struct(user: User) -> None:
     """What a kernel writes is read, and the other way round."""
     kind = ti.types.struct(a=ti.f32, b=ti.types.vector(2, ti.f64), c=ti.i32)
-    field = fields.record(kind)
+    field = field_pool.record(kind)
 
     @ti.kernel
     def double():
@@ -107,25 +107,25 @@ def test_members_of_a_struct(user: User) -> None:
 def test_fields_made_later_and_after_a_fresh_start(user: User) -> None:
     """They lie elsewhere."""
     for _ in range(2):
-        one = fields.scalars(ti.i32, 3)
+        one = field_pool.scalars(ti.i32, 3)
         one.fill(1)
-        two = fields.scalars(ti.i32, 3)
+        two = field_pool.scalars(ti.i32, 3)
         two.fill(2)
         assert own(one).tolist() == [1, 1, 1] and own(two).tolist() == [2, 2, 2]
-        device.abandon()
-        device.start(user, "cpu", 1, 32)
+        runtime.abandon()
+        runtime.start(user, "cpu", 1, 32)
 
 
 def test_what_does_not_fit(user: User) -> None:
     with pytest.raises(ValueError, match="does not fit"):
-        fields.scalars(ti.f32, 3).from_numpy(np.zeros(4, np.float32))
+        field_pool.scalars(ti.f32, 3).from_numpy(np.zeros(4, np.float32))
 
 
 def test_nothing_is_compiled_but_where_they_lie(user: User) -> None:
     """One kernel for all fields that are made before the first is used."""
     made = [make() for make in MAKES.values()]
-    start = device.compiled()
+    start = runtime.compiled()
     for field in made:
         field.from_numpy(field.to_numpy())
         field.fill(0)
-    assert device.compiled() == start + 1
+    assert runtime.compiled() == start + 1

@@ -23,8 +23,8 @@ from typer.testing import CliRunner
 
 import taichi_sand as sand
 from taichi_sand import effects
-from taichi_sand.cli import app
-from taichi_sand.printing import GROUPS
+from taichi_sand.cli.main import app
+from taichi_sand.cli.printing import GROUPS
 from taichi_sand.scene import loading
 
 ROOT = Path(__file__).parents[1]

@@ -10,10 +10,11 @@ from hypothesis import HealthCheck, Phase, assume, given, settings
 from hypothesis import strategies as st
 
 import taichi_sand as sand
-from taichi_sand import SandError, simulation
+from taichi_sand import SandError
+from taichi_sand.run import simulation
 from taichi_sand.scene.nearby import off_walls, segments
 from taichi_sand.world import build
-from taichi_sand.world.table_room import Rooms
+from taichi_sand.world.search.growth import Rooms
 
 D, SIZE = 0.01, (0.5, 0.3)
 MOST = 300

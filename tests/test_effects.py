@@ -14,8 +14,8 @@ from helpers import Disc, simulate
 
 import taichi_sand as sand
 from taichi_sand import effects
-from taichi_sand.scene.errors import SandError
-from taichi_sand.study import price
+from taichi_sand.errors import SandError
+from taichi_sand.study.cost import price
 
 ROOT = Path(__file__).parents[1]
 SOLVERS = {"md": {"kind": "md", "restitution": 0.3}, "rigid": {"kind": "rigid"}}

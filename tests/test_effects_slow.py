@@ -7,7 +7,7 @@ import pytest
 from helpers import fresh_taichi
 
 import taichi_sand as sand
-from taichi_sand.world import census
+from taichi_sand.world import edit
 
 pytestmark = pytest.mark.slow
 
@@ -130,11 +130,11 @@ def dug(kind: str, sleeping: bool, seed: int) -> tuple[float, float]:
     if sleeping:
         assert sim.report()["grains_asleep"] > 0.9 * sim.count
     for _ in range(3):  # three spades full
-        numbers, _whole = census.places(sim.world)
+        numbers, _whole = edit.places(sim.world)
         x, y = numbers[:, 0], numbers[:, 1]
         foot = x[y > 4 * D].max()
         hole = np.flatnonzero((np.abs(x - foot) < 4 * D) & (y < 8 * D))
-        census.remove(sim.world, hole)
+        edit.remove(sim.world, hole)
         sim.removed += len(hole)
         sim.renew()
         sim.advance(2.0)

@@ -9,8 +9,8 @@ from helpers import D, Disc, G, R, digest, fresh_taichi, simulate
 
 import taichi_sand as sand
 from taichi_sand.measure.report import cost
-from taichi_sand.world import device, fields
-from taichi_sand.world.device import compiled
+from taichi_sand.taichi_support import field_pool, runtime
+from taichi_sand.taichi_support.runtime import compiled
 
 KINDS = {
     "md": {"shape": "triangle", "effects": {"friction": {"mu": 0.5}, "heat": {"conduction": 10.0}}},
@@ -34,7 +34,7 @@ def end_of(scene: sand.Scene) -> tuple[str, dict]:
 @pytest.mark.parametrize("kind", ["md", "rigid"])
 def test_nothing_of_the_one_before_is_left(kind: str) -> None:
     """A scene gives the same bits and report in fields that others have had, and nothing is compiled for it."""
-    device.forget()
+    runtime.forget()
     first = end_of(heap(kind, **KINDS[kind]))
     end_of(heap(kind, "disc", {}))  # asks for other fields
     end_of(heap(kind, **KINDS[kind], velocity=(0.5, 0.0)))  # in those of the first
@@ -70,10 +70,10 @@ def test_every_kind_of_field_is_cleared() -> None:
 
     struct = ti.types.struct(a=ti.f32, b=ti.types.vector(2, ti.f64), c=ti.i32)
     makers = [
-        lambda: fields.scalars(ti.i32, 5),
-        lambda: fields.vectors(3, ti.f64, 7),
-        lambda: fields.vectors(4, ti.f32, 9, layout=ti.Layout.SOA),
-        lambda: fields.scalars(ti.f32, (3, 4)),
+        lambda: field_pool.scalars(ti.i32, 5),
+        lambda: field_pool.vectors(3, ti.f64, 7),
+        lambda: field_pool.vectors(4, ti.f32, 9, layout=ti.Layout.SOA),
+        lambda: field_pool.scalars(ti.f32, (3, 4)),
     ]
 
     def numbers(made: list) -> list[np.ndarray]:
@@ -82,7 +82,7 @@ def test_every_kind_of_field_is_cleared() -> None:
 
     def ask(user: User) -> list:
         made: list = []
-        fields.lend(user, lambda: made.__init__([make() for make in makers] + [fields.record(struct)]), keep=True)
+        field_pool.lend(user, lambda: made.__init__([make() for make in makers] + [field_pool.record(struct)]), keep=True)
         return made
 
     one, two = User(), User()
@@ -110,9 +110,9 @@ def test_same_only_if_all_is_the_same() -> None:
     class Changing:
         a: int
 
-    assert fields.same(Frozen(1, (2.0, "x"))) is fields.same(Frozen(1, (2.0, "x")))
+    assert field_pool.same(Frozen(1, (2.0, "x"))) is field_pool.same(Frozen(1, (2.0, "x")))
     for other in (Frozen(True, (2.0, "x")), Frozen(1, (2, "x")), Frozen(1, (2.0, "y")), Frozen(1, [2.0, "x"])):
-        assert fields.same(other) is other
-        assert fields.same(other) is not fields.same(Frozen(1, (2.0, "x")))
-    assert fields.same(Changing(1)) is not fields.same(Changing(1))
-    assert fields.same(Frozen(D, None)) is not fields.same(Frozen(-D, None))
+        assert field_pool.same(other) is other
+        assert field_pool.same(other) is not field_pool.same(Frozen(1, (2.0, "x")))
+    assert field_pool.same(Changing(1)) is not field_pool.same(Changing(1))
+    assert field_pool.same(Frozen(D, None)) is not field_pool.same(Frozen(-D, None))

@@ -14,8 +14,8 @@ import pytest
 from PIL import Image
 
 import taichi_sand as sand
-from taichi_sand.scene.errors import SandError
-from taichi_sand.view.film import film
+from taichi_sand.errors import SandError
+from taichi_sand.output.film import film
 
 WIDTH, HEIGHT = 160, 120
 ENDINGS = ["film.mp4", "film.gif", "film.png", "frames/"]
@@ -136,7 +136,7 @@ def test_an_interruption_leaves_the_old_film_and_no_leftovers(
 
 LONG = """
 import signal, sys, taichi_sand as sand
-from taichi_sand.view.film import film
+from taichi_sand.output.film import film
 scene = sand.Scene(size=(1.0, 0.75), grains=[{"positions": [(0.5, 0.5)], "radius": 0.1}], view={"width": 160})
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs are born deaf to it
 film(sand.Simulation(scene), sys.argv[1], seconds=1e5)

@@ -1,14 +1,13 @@
 """Random valid scenes, and files broken at random: nothing lost, nothing infinite, and a sentence instead of a traceback.
 
-Some two hundred examples, the same ones until fuzz.py or hypothesis change; `python -m taichi_sand.fuzz --examples 5000` draws others.
+Some two hundred examples, the same ones until fuzzing.py or hypothesis change; `python tests/fuzzing.py --examples 5000` draws others.
 """
 
 from collections.abc import Iterator
 
+import fuzzing as fuzz
 import pytest
 from hypothesis.internal.conjecture import providers
-
-from taichi_sand import fuzz
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -7,10 +7,10 @@ import pytest
 from helpers import G, digest, fresh_taichi, simulate
 
 import taichi_sand as sand
-from taichi_sand.growing import rooms_of
 from taichi_sand.play.snapshot import from_bytes, restore, take, to_bytes
+from taichi_sand.run.growing import rooms_of
 from taichi_sand.world import build
-from taichi_sand.world.table_room import Rooms
+from taichi_sand.world.search.growth import Rooms
 
 SIZE = (0.4, 0.3)
 LID = {"points": [[0.0, 0.2], [0.4, 0.2]], "velocity": [0.0, -0.05], "force": 2000.0}

@@ -65,7 +65,7 @@ before, time_before = sim.positions, sim.time
 del sim
 refused(lambda: sand.Simulation(scene(solver={"precision": 64})), "default_fp", "this program has started it", "ti.reset()")
 refused(lambda: sand.Simulation(scene(), threads=17), "cpu_max_num_threads", "--threads 17")
-from taichi_sand.world import device
+from taichi_sand.taichi_support import runtime
 device.forget()  # full, or unused: even so it is theirs
 sim = sand.Simulation(scene())
 sim.advance(0.05)
@@ -134,7 +134,7 @@ sim = sand.Simulation(scene(), threads=1)
 sim.advance(0.05)
 del sim
 gc.collect()
-from taichi_sand.world import device
+from taichi_sand.taichi_support import runtime
 device.start(type("User", (), {})(), "cpu", 2, 32)  # once more
 print("done")
 """
@@ -180,7 +180,7 @@ child(drops)
 with multiprocessing.get_context("fork").Pool(1) as pool:
     for found in pool.imap_unordered(abs, [-1]):
         assert found == 1
-turn = __import__("taichi_sand.world.turns").world.turns.turn
+turn = __import__("taichi_sand.taichi_support.turns").world.turns.turn
 entered, leave = threading.Event(), threading.Event()
 
 def hold():
@@ -269,7 +269,7 @@ print("done")
 def test_closed() -> None:
     """Memory and kernels of a closed simulation go to the next one, or back to the system; it says that it is closed."""
     run("""
-from taichi_sand.world import device
+from taichi_sand.taichi_support import runtime
 
 with sand.Simulation(scene(), threads=1) as sim:
     sim.advance(0.05)

@@ -6,7 +6,7 @@ import pytest
 import taichi as ti
 from helpers import fresh_taichi
 
-from taichi_sand.world import device, haste
+from taichi_sand.taichi_support import runtime, tracing
 
 
 @ti.func
@@ -35,9 +35,9 @@ def test_errors_name_line_and_source() -> None:
     """Of the place that is wrong, and of the one that called it."""
     fresh_taichi()
     user = pytest.MonkeyPatch()
-    device.start(user, "cpu", 1, 32)
+    runtime.start(user, "cpu", 1, 32)
     assert right() == 12
-    assert haste.lines_of(doubled) == inspect.getsourcelines(inspect.unwrap(doubled))
+    assert tracing.lines_of(doubled) == inspect.getsourcelines(inspect.unwrap(doubled))
     with pytest.raises(ti.TaichiCompilationError) as failure:
         fails()
     lines, first = inspect.getsourcelines(inspect.unwrap(wrong))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 import taichi_sand as sand
-from taichi_sand.cli import app
+from taichi_sand.cli.main import app
 from taichi_sand.play.recording import Recorder
 from taichi_sand.play.session import Session
 from taichi_sand.scene.schema import Grains, Solver, Wall

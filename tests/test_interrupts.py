@@ -13,8 +13,8 @@ import pytest
 from helpers import G, R, digest, fresh_taichi
 
 import taichi_sand as sand
-from taichi_sand import marching
-from taichi_sand.world.turns import Turn
+from taichi_sand.run import stepping
+from taichi_sand.taichi_support.turns import Turn
 
 MANY, FEW = 30, 5
 """Interrupts of a simulation: in the slow tests, and in all others."""
@@ -131,8 +131,8 @@ def test_a_launch_that_wakes_many_ends_early() -> None:
     fresh_taichi()
     sim = sand.Simulation(bed("rigid", 100, sleeping={}), threads=1)
     pace, start = sim.world.pace[None], sim.steps
-    assert marching.steps_in_one(sim.world, sim.solver, 50, 99) == marching.EARLY and pace.done == start + 1
-    assert marching.steps_in_one(sim.world, sim.solver, 49, 100) == marching.DONE and pace.done == start + 50
+    assert stepping.steps_in_one(sim.world, sim.solver, 50, 99) == stepping.EARLY and pace.done == start + 1
+    assert stepping.steps_in_one(sim.world, sim.solver, 49, 100) == stepping.DONE and pace.done == start + 50
     reached = digest(sim)
     del sim
     again = sand.Simulation(bed("rigid", 100, sleeping={}), threads=1)
@@ -144,12 +144,12 @@ def test_a_launch_that_wakes_many_ends_early() -> None:
 @pytest.mark.parametrize("cost", [5e-9, 5e-8, 5e-7])
 def test_launches_are_short(grains: int, cost: float) -> None:
     """Whatever a step costs, and if it costs three times as much from now on: by a clock that is set by hand."""
-    cadence = marching.Cadence()
+    cadence = stepping.Cadence()
     for price in (*[cost] * 20, *[3 * cost] * 20):
         steps = cadence.steps(grains)
         assert steps == 1 or steps * grains * price < 0.35
         cadence.took(steps, steps * grains * price)
-    assert steps == 1 or steps * grains * max(3 * cost, marching.DEAREST) > 0.03  # nor too short
+    assert steps == 1 or steps * grains * max(3 * cost, stepping.DEAREST) > 0.03  # nor too short
 
 
 def test_turns() -> None:

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taichi_sand.scene.nearby import images, off_walls, segments
-from taichi_sand.world.joints import BEND, Part, join
-from taichi_sand.world.polylines import Frame, clipped
+from taichi_sand.world.walls.joints import BEND, Part, join
+from taichi_sand.world.walls.polylines import Frame, clipped
 
 D = 0.01
 BOX = np.array([1.0, 1.0])

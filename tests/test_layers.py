@@ -1,6 +1,9 @@
 """The plan of the house: who may import whom, and how long files and functions may be."""
 
 import ast
+import subprocess
+import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -8,26 +11,12 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "taichi_sand"
 FILES = sorted(PACKAGE.rglob("*.py"))
 RANK = {
-    **{"files": 0, "scene": 0, "world": 1, "effects": 2, "solvers": 2},
-    **dict.fromkeys(("belief", "clock", "entry", "growing", "host", "live", "readings", "keeping"), 3),
-    **dict.fromkeys(("looking", "tuning", "marching", "simulation"), 3),
-    **{
-        "measure": 4,
-        "view": 5,
-        "play": 6,
-        "study": 6,
-        "printing": 7,
-        "leaving": 7,
-        "cli": 7,
-        "cli_study": 7,
-        "cli_sweep": 7,
-        "cli_options": 7,
-    },
-    **{"__main__": 8, "fuzz": 8, "tampering": 8},
+    **{"errors": 0, "files": 1, "scene": 2, "taichi_support": 3, "world": 4, "effects": 5, "solvers": 5, "measure": 6, "view": 7, "run": 8},
+    **{"output": 9, "play": 10, "study": 10, "cli": 11, "__main__": 12},
 }
-"""Layers from the ground up; a module imports from its own layer or from below."""
-LATE = {("readings", "measure"), ("readings", "view")}
-"""Upward imports that are allowed inside a function: the face of the package hands its methods on."""
+"""Rooms from the ground up; a module imports from its own room or from below."""
+MOST_FILES = 12
+"""In `world/`, and in each of its rooms."""
 LONGEST_FILE, LONGEST_FUNCTION = 330, 45
 
 
@@ -37,12 +26,9 @@ def layer(path: Path) -> str:
 
 
 def imports(path: Path) -> list[tuple[str, bool]]:
-    """Parts of this package that a file imports, each with whether that happens when the file itself is imported."""
+    """Modules of this package that a file imports, for types too, each with whether that happens when the file itself is imported."""
     tree = ast.parse(path.read_text("utf-8"))
     inside = {node for function in ast.walk(tree) if isinstance(function, ast.FunctionDef) for node in ast.walk(function)}
-    typing = {
-        node for test in ast.walk(tree) if isinstance(test, ast.If) and "TYPE_CHECKING" in ast.dump(test.test) for node in ast.walk(test)
-    }
     found = []
     for node in ast.walk(tree):
         names = []
@@ -52,22 +38,45 @@ def imports(path: Path) -> list[tuple[str, bool]]:
             assert node.level == 0, f"{path.name}: relative import"
             names = [f"{node.module}.{alias.name}" for alias in node.names]
         for name in names:
-            parts = name.split(".")
-            if parts[0] == "taichi_sand" and len(parts) > 1 and parts[1] in RANK and node not in typing:
-                found.append((parts[1], node not in inside))
+            module = next((one for one in (name, name.rpartition(".")[0]) if one in MODULES), None)
+            if module and module != "taichi_sand":
+                found.append((module, node not in inside))
     return found
+
+
+def module_of(path: Path) -> str:
+    return ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__")
+
+
+MODULES = {module_of(path): path for path in FILES}
+
+
+def test_the_public_face_imports_nothing() -> None:
+    """Taichi takes a second to import, and a scene may only be wanted to be read."""
+    code = "import sys, taichi_sand; print([name for name in sys.modules if name.startswith(('taichi', 'numpy'))])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent)
+    assert done.stdout == "['taichi_sand']\n"
+
+
+def test_no_circle_of_imports() -> None:
+    """Neither at run time nor for types, among all files of the package but its public face."""
+    graph = {name: {other for other, _ in imports(path)} - {name} for name, path in MODULES.items() if name != "taichi_sand"}
+    TopologicalSorter(graph).prepare()
+
+
+def test_rooms_of_the_world_stay_small() -> None:
+    for room in (PACKAGE / "world", *(path for path in (PACKAGE / "world").iterdir() if (path / "__init__.py").exists())):
+        assert len(list(room.glob("*.py"))) <= MOST_FILES + 1, room.name  # its docstring stands in one more
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_imports_go_downwards(path: Path) -> None:
     here = layer(path)
-    if path == PACKAGE / "__init__.py":  # the public face: nothing at import, everything on demand
-        assert not [name for name, early in imports(path) if early]
+    if path == PACKAGE / "__init__.py":  # the public face: everything on demand, see below
         return
-    for name, early in imports(path):
-        if not early and (here, name) in LATE:
-            continue
-        assert RANK[name] <= RANK[here], f"{path.name} ({here}) imports {name}, which stands above it"
+    for module, _ in imports(path):
+        name = module.split(".")[1]
+        assert RANK[name] <= RANK[here], f"{path.name} ({here}) imports {module}, which stands above it"
         assert {here, name} != {"effects", "solvers"}, "effects and solvers never import each other"
 
 

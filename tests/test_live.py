@@ -9,9 +9,9 @@ import pytest
 from helpers import G, R, fresh_taichi
 
 import taichi_sand as sand
-from taichi_sand import live
-from taichi_sand.host import Host
 from taichi_sand.play import snapshot
+from taichi_sand.run import live
+from taichi_sand.run.host import Host
 
 EFFECTS = {"friction": {"mu": 0.4}, "drag": {}}
 KEYS = {

@@ -9,8 +9,8 @@ import pytest
 from helpers import fresh_taichi
 
 import taichi_sand as sand
+from taichi_sand.errors import SandError
 from taichi_sand.scene import loading
-from taichi_sand.scene.errors import SandError
 
 SMALLER = {"avalanche": ["scale=0.02"]}
 QUICK = (("avalanche_sleep", "rigid", 1.1, 0.02), ("sandcastle", "rigid", 0.5, 0.1))

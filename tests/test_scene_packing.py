@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taichi_sand import Scene
+from taichi_sand.errors import SandError
 from taichi_sand.scene import loading
-from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.grains import Pack
 from taichi_sand.scene.nearby import close_pairs, off_walls, segments
 from taichi_sand.scene.packing import pack

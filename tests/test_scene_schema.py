@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from taichi_sand import Scene
+from taichi_sand.errors import SandError
 from taichi_sand.scene import loading
-from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.parameters import Parameter, check_table
 from taichi_sand.scene.schema import Edges, Grains, Solver, View, Wall
 
@@ -208,7 +208,7 @@ def test_parameters_of_effects() -> None:
 
 
 def test_help_and_list_do_without_taichi() -> None:
-    script = "import sys; from taichi_sand.cli import app; app(['scenes'], standalone_mode=False); assert 'taichi' not in sys.modules"
+    script = "import sys; from taichi_sand.cli.main import app; app(['scenes'], standalone_mode=False); assert 'taichi' not in sys.modules"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, cwd=ROOT)
     assert done.returncode == 0, done.stderr
     assert "hourglass" in done.stdout

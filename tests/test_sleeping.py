@@ -8,7 +8,7 @@ import pytest
 from helpers import digest, fresh_taichi
 
 import taichi_sand as sand
-from taichi_sand.world import build, census
+from taichi_sand.world import build, edit
 
 G, D, RADIUS, DENSITY = 9.81, 0.02, 0.01, 1000.0
 WEIGHT = DENSITY * np.pi * RADIUS**2 * G * D
@@ -117,15 +117,15 @@ def test_changes_by_hand_wake(kind: str) -> None:
     sim.set("effects.friction.mu", 0.4)
     assert asleep(sim) == 0 and sleeps()
     top = int(np.argmax(sim.positions[:, 1]))
-    _, whole = census.places(sim.world)
-    census.remove(sim.world, np.flatnonzero(whole[:, 0] == top))
+    _, whole = edit.places(sim.world)
+    edit.remove(sim.world, np.flatnonzero(whole[:, 0] == top))
     sim.removed += 1
     sim.renew()
     assert asleep(sim) == 0 and sim.count == 100 and top not in sim.ids and sleeps()
     ball = {"position": [[0.45, 0.05]], "velocity": [[0.0, 0.0]], "angle": [0.0], "spin": [0.0], "radius": [RADIUS], "kind": [0]}
     mass = DENSITY * np.pi * RADIUS**2
     ball |= {"mass": [mass], "inertia": [mass * RADIUS**2 / 2]}
-    census.add(sim.world, {name: np.array(values) for name, values in ball.items()}, sim.made)
+    edit.add(sim.world, {name: np.array(values) for name, values in ball.items()}, sim.made)
     sim.made += 1
     sim.renew()
     assert asleep(sim) == 0 and sim.count == 101

@@ -5,9 +5,9 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from taichi_sand.cli import app
-from taichi_sand.study import stress
-from taichi_sand.study.stress_table import as_markdown
+from taichi_sand.cli.main import app
+from taichi_sand.study.stress import stress
+from taichi_sand.study.stress.stress_table import as_markdown
 
 QUICK = [("elastic", "md"), ("elastic", "rigid"), ("bullet-wall", "md"), ("bullet-wall", "rigid"), ("corners", "rigid")]
 

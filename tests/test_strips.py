@@ -7,7 +7,7 @@ import pytest
 from helpers import digest, fresh_taichi
 
 import taichi_sand as sand
-from taichi_sand import marching
+from taichi_sand.run import stepping
 from taichi_sand.world import build
 from taichi_sand.world.sweep import sweeps_join
 
@@ -37,11 +37,11 @@ def test_a_step_without_impacts_does_the_same(case: str, monkeypatch: pytest.Mon
     """Steps that are known to have no impacts leave out what answers them: as if none were left out, to what a compiler may round
     otherwise; and to the same bits on two threads.
     """
-    launched, step = [], marching.step_alone
-    monkeypatch.setattr(marching, "step_alone", lambda world, solver, impacts: (launched.append(impacts), step(world, solver, impacts)))
+    launched, step = [], stepping.step_alone
+    monkeypatch.setattr(stepping, "step_alone", lambda world, solver, impacts: (launched.append(impacts), step(world, solver, impacts)))
     places, ends = {}, {}
     for threads, calms in ((1, False), (1, True), (2, True)):
-        monkeypatch.setattr(marching, "may_be_calm", lambda world, solver, calms=calms: calms)
+        monkeypatch.setattr(stepping, "may_be_calm", lambda world, solver, calms=calms: calms)
         sim = settling(case, "strips", monkeypatch, threads)
         launched.clear()
         sim.advance(0.3)  # many have touched

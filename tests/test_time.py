@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import taichi_sand as sand
-from taichi_sand.view.film import steps_of
+from taichi_sand.output.film import steps_of
 
 KINDS = ("md", "rigid")
 

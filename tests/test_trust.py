@@ -19,14 +19,15 @@ import pytest
 from typer.testing import CliRunner
 
 import taichi_sand as sand
-from taichi_sand.cli import app
+from taichi_sand.cli.main import app
 from taichi_sand.files import memory
 from taichi_sand.files.reading import MOST_BYTES
 from taichi_sand.play import actions, recording
 from taichi_sand.play import files as played
 from taichi_sand.play.session import VERBS, Session
+from taichi_sand.run import rooms, trust
 from taichi_sand.scene.packing import most_grains, pack
-from taichi_sand.world import checkpoint, rooms, trust
+from taichi_sand.world import checkpoint
 
 BOX = {"size": [0.5, 0.5]}
 SCENES: dict[str, dict[str, Any]] = {

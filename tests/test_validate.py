@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from taichi_sand.cli import app
-from taichi_sand.study import cases, validate
+from taichi_sand.cli.main import app
+from taichi_sand.study.validate import cases, validate
 
 
 def test_rows_pass_as_json_and_as_a_picture(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from view_world import shift, start_taichi, world_of
 
-from taichi_sand.scene.errors import SandError
+from taichi_sand.errors import SandError
 from taichi_sand.view import palette
 from taichi_sand.view.kernels import SHOWN_RADIUS
 from taichi_sand.view.paint import Painter, picture_height

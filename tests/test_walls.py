@@ -8,7 +8,7 @@ from helpers import D, Disc, G, R, digest, fresh_taichi, simulate
 
 import taichi_sand as sand
 from taichi_sand import SandError
-from taichi_sand.world.wall_scene import standing_walls
+from taichi_sand.world.walls.build import standing_walls
 
 SHELF = {"points": [[0.0, 0.1], [0.1, 0.1]]}
 OTHER = {"points": [[0.12, 0.1], [0.2, 0.1]]}

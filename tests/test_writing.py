@@ -18,13 +18,13 @@ import pytest
 from typer.testing import CliRunner
 
 import taichi_sand as sand
-from taichi_sand.cli import app
+from taichi_sand.cli.main import app
 from taichi_sand.files import writing
+from taichi_sand.output import film as films
 from taichi_sand.play import files as played
 from taichi_sand.play import recording
 from taichi_sand.play.session import Session
-from taichi_sand.study import plot, table
-from taichi_sand.view import film as films
+from taichi_sand.study.cost import plot, table
 from taichi_sand.world import checkpoint
 
 SMALL = 64 * 1024
@@ -302,7 +302,7 @@ import numpy as np
 import taichi_sand as sand
 from taichi_sand.play.recording import Recorder
 from taichi_sand.play.session import Session
-from taichi_sand.view.film import film
+from taichi_sand.output.film import film
 
 session = Session(sand.Scene(size=(0.4, 0.3), grains=[{"radius": 0.01, "count": 60}], view={"width": 160}), threads=1)
 sim, path, kind = session.sim, sys.argv[1], sys.argv[2]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from taichi_sand.cli import app
+from taichi_sand.cli.main import app
 
 GOOD = """
 title = "Good"

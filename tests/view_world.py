@@ -7,7 +7,7 @@ import numpy as np
 
 from taichi_sand.scene.grains import Pack
 from taichi_sand.scene.schema import Scene
-from taichi_sand.world import device
+from taichi_sand.taichi_support import runtime
 from taichi_sand.world.build import fill, make_world
 from taichi_sand.world.tables import World
 
@@ -21,7 +21,7 @@ keeper = Keeper()
 
 def start_taichi() -> None:
     """Taichi as a simulation starts it; it keeps running."""
-    device.start(keeper, "cpu", None, 32)
+    runtime.start(keeper, "cpu", None, 32)
 
 
 def world_of(

@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sand.scene.errors import SandError, suggest
+from taichi_sand.errors import SandError, suggest
 from taichi_sand.scene.parameters import Parameter, check_table
 
 HOOKS = {

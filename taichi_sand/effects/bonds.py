@@ -18,8 +18,8 @@ import taichi as ti
 
 from taichi_sand.scene.bodies import neighbours
 from taichi_sand.scene.parameters import Parameter
+from taichi_sand.world.extras.links import link_way
 from taichi_sand.world.geometry import at_least, at_most
-from taichi_sand.world.links import link_way
 
 PARAMETERS = (
     Parameter("stiffness", 1000.0, "force of a bond over how much longer it is", "weights/d", low=0.0, high=1e7),

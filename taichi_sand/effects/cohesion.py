@@ -12,8 +12,8 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.scene.parameters import Parameter
+from taichi_sand.world.extras.wetness import bridge_share
 from taichi_sand.world.geometry import at_least
-from taichi_sand.world.water import bridge_share
 
 PARAMETERS = (
     Parameter("bond", 5.0, "Bond number: pull of a bridge over the weight of a mean grain", low=0.0, high=1e4),

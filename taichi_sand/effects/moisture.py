@@ -13,10 +13,10 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.scene.parameters import Parameter
+from taichi_sand.world.extras.wetness import MOIST, bond_share
 from taichi_sand.world.geometry import add, at_least, at_most, distance_to_second
-from taichi_sand.world.naps import call
+from taichi_sand.world.sleep.state import call
 from taichi_sand.world.sweep import every_pair
-from taichi_sand.world.water import MOIST, bond_share
 
 PARAMETERS = (
     Parameter("wetness", 0.1, "share of the pores that is full of water at the start", low=0.0, high=1.0, live=False),

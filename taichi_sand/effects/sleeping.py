@@ -10,7 +10,7 @@ change of gravity or of a parameter. Grains of several discs sleep as discs do. 
 from dataclasses import dataclass
 
 from taichi_sand.scene.parameters import Parameter
-from taichi_sand.world.naps import watch
+from taichi_sand.world.sleep.state import watch
 
 PARAMETERS = (
     Parameter("speed", 1e-3, "below it a grain is still", "sqrt(g d)", low=0.0, high=0.1),

@@ -15,8 +15,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from taichi_sand.errors import SandError
 from taichi_sand.files.memory import available
-from taichi_sand.scene.errors import SandError
 
 UNREADABLE = (
     OSError,

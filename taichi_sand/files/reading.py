@@ -5,7 +5,7 @@ import stat
 from pathlib import Path
 from typing import BinaryIO
 
-from taichi_sand.scene.errors import SandError
+from taichi_sand.errors import SandError
 
 MOST_BYTES = 512 * 2**20
 """No scene, table or recording is larger; one of four million grains has some 400 MB."""

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from taichi_sand.scene.errors import SandError
+from taichi_sand.errors import SandError
 
 try:
     import fcntl

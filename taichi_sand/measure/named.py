@@ -38,9 +38,9 @@ def repose_angle(sim: Any) -> float:
 
     The y axis is up; fixed grains are no part of it.
     """
-    from taichi_sand.world import census
+    from taichi_sand.world import edit
 
-    places, whole = census.places(sim.world)
+    places, whole = edit.places(sim.world)
     free = whole[:, 2] == 0
     if free.sum() < LEAST:
         return math.nan

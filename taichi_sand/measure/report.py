@@ -44,7 +44,7 @@ import taichi as ti
 
 from taichi_sand.measure import observe
 from taichi_sand.solvers.tolerance import softness
-from taichi_sand.world.links import ends_of
+from taichi_sand.world.extras.links import ends_of
 from taichi_sand.world.sources import waiting
 
 CELLS_ACROSS = 8

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_sand.play.knobs import Knob
+from taichi_sand.run.simulation import Simulation
 from taichi_sand.scene.shapes import BUILT_IN, form
-from taichi_sand.simulation import Simulation
-from taichi_sand.world import census
+from taichi_sand.world import edit
 
 DENSITY = 2650.0
 
@@ -71,7 +71,7 @@ class Brush:
 
 def _radii(sim: Simulation) -> tuple[float, float]:
     """Smallest and largest radius there is [m]."""
-    places, _ = census.places(sim.world)
+    places, _ = edit.places(sim.world)
     radius = places[:, 2]
     return (float(radius.min()), float(radius.max())) if len(radius) else (0.5 * sim.bed.diameter,) * 2
 

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_sand.files import writing
-from taichi_sand.host import Host
-from taichi_sand.keeping import misfit
+from taichi_sand.output.film import mp4, save_png
 from taichi_sand.play.snapshot import Rows, Snapshot, to_bytes
-from taichi_sand.view.film import mp4, save_png
+from taichi_sand.run.host import Host
+from taichi_sand.run.saving import misfit
 from taichi_sand.world import checkpoint
-from taichi_sand.world.table_room import Rooms
+from taichi_sand.world.search.growth import Rooms
 
 if TYPE_CHECKING:
     from taichi_sand.play.session import Session

@@ -6,7 +6,8 @@ Every range, unit and line of help comes from where the number is declared: the 
 import math
 from dataclasses import dataclass
 
-from taichi_sand import effects, live
+from taichi_sand import effects
+from taichi_sand.run import live
 from taichi_sand.scene.schema import Scene, Solver
 
 GRAVITY = 20.0

@@ -13,17 +13,17 @@ from typing import Any
 
 import numpy as np
 
+from taichi_sand.errors import PhysicsError, SandError
 from taichi_sand.files import writing
 from taichi_sand.files.jsons import as_line
 from taichi_sand.files.reading import read_bytes
 from taichi_sand.files.writing import Lines
+from taichi_sand.output.film import WRITERS, Progress, destination
 from taichi_sand.play.actions import is_action
-from taichi_sand.play.screen import Screen
 from taichi_sand.play.session import Session, pack
 from taichi_sand.play.snapshot import Snapshot, from_bytes
-from taichi_sand.scene.errors import PhysicsError, SandError
+from taichi_sand.play.window.screen import Screen
 from taichi_sand.scene.schema import Scene
-from taichi_sand.view.film import WRITERS, Progress, destination
 from taichi_sand.world.checkpoint import believing
 
 FORMAT, TITLE = 1, "taichi_sand recording"

@@ -11,18 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sand import live
+from taichi_sand.errors import SandError
 from taichi_sand.play import knobs, transfer
 from taichi_sand.play.brush import Brush
 from taichi_sand.play.history import History
 from taichi_sand.play.snapshot import Snapshot, from_bytes, restore, take, to_bytes
 from taichi_sand.play.stroke import Stroke
 from taichi_sand.play.tools import TOOLS
-from taichi_sand.scene.errors import SandError
+from taichi_sand.run import live
+from taichi_sand.run.simulation import Simulation
 from taichi_sand.scene.schema import Scene
-from taichi_sand.simulation import Simulation
+from taichi_sand.taichi_support import runtime
 from taichi_sand.view.views import KIND, views_of
-from taichi_sand.world import device
 
 MOST_BUILT = 6
 """Structures (solver, effects) that are kept ready; with more, all are dropped, as Taichi frees single ones never."""
@@ -68,8 +68,8 @@ class Session:
         self.built: dict[str, Simulation] = {}
         self.sim = None
         gc.collect()
-        if not device.alive:
-            device.forget()
+        if not runtime.alive:
+            runtime.forget()
 
     def do(self, action: list) -> None:
         """Does one action. What cannot be done leaves a sentence in `message`."""

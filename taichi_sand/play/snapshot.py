@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sand import belief
 from taichi_sand.files import archive
-from taichi_sand.growing import in_larger, once, rooms_of
-from taichi_sand.host import Host
+from taichi_sand.run import belief, rooms
+from taichi_sand.run.growing import in_larger, once, rooms_of
+from taichi_sand.run.host import Host
+from taichi_sand.run.simulation import Simulation
 from taichi_sand.scene.schema import Scene
-from taichi_sand.simulation import Simulation
-from taichi_sand.world import checkpoint, rooms
+from taichi_sand.world import checkpoint
 from taichi_sand.world.checkpoint import read_field
-from taichi_sand.world.table_room import Rooms
+from taichi_sand.world.search.growth import Rooms
 
 Spans = list[tuple[int, int]]
 

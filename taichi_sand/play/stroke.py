@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sand.simulation import Simulation
-from taichi_sand.world import census, hand
+from taichi_sand.run.simulation import Simulation
+from taichi_sand.world import edit
+from taichi_sand.world.extras import hand
 
 
 class Stroke:
@@ -49,6 +50,6 @@ class Stroke:
 
     def under(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Slots under the brush; and of all grains x, y, radius, and id, kind, whether fixed."""
-        places, whole = census.places(self.sim.world)
+        places, whole = edit.places(self.sim.world)
         near = np.hypot(*(places[:, :2] - self.place).T) < self.session.brush.size
         return np.flatnonzero(near), places, whole

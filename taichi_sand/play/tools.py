@@ -7,14 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from taichi_sand.errors import SandError
 from taichi_sand.play import wall_tools
 from taichi_sand.play.stroke import Stroke
-from taichi_sand.scene.errors import SandError
+from taichi_sand.run.simulation import Simulation
 from taichi_sand.scene.scatter import Taken
-from taichi_sand.simulation import Simulation
-from taichi_sand.world import census, hand
+from taichi_sand.world import edit
 from taichi_sand.world.build import EARTH
-from taichi_sand.world.wall_scene import wall_segments
+from taichi_sand.world.extras import hand
+from taichi_sand.world.walls.build import wall_segments
 
 """Forces of the hand go with the gravity of the scene, or with this one [m/s2] where the scene has less."""
 GRAB_HZ, GRAB_DAMPING = 5.0, 0.7
@@ -46,7 +47,7 @@ def pour(stroke: Stroke) -> None:
 def _add(stroke: Stroke, darts: int, reach: float, velocity: Any) -> None:
     """New grains in a circle around the hand where nothing is in their way."""
     session, sim = stroke.session, stroke.sim
-    room = census.room(sim.world)
+    room = edit.room(sim.world)
     if room <= 0:
         raise SandError(f"there is no room for more than {sim.count} grains in this window; destroy some first")
     brush, rng = session.brush, session.rng
@@ -60,7 +61,7 @@ def _add(stroke: Stroke, darts: int, reach: float, velocity: Any) -> None:
         kind = np.full(len(fits), brush.kind)
         mass, inertia = brush.masses(sim, radius[fits], kind)
         new = {"position": position[fits], "velocity": np.tile(velocity, (len(fits), 1)), "angle": turned[fits], "spin": spin[fits]}
-        census.add(sim.world, {**new, "radius": radius[fits], "mass": mass, "inertia": inertia, "kind": kind}, sim.made)
+        edit.add(sim.world, {**new, "radius": radius[fits], "mass": mass, "inertia": inertia, "kind": kind}, sim.made)
         sim.made += len(fits)
         sim.renew()
 
@@ -69,7 +70,7 @@ def _clear(sim: Simulation, position: np.ndarray, radius: np.ndarray, centre: np
     """Which discs touch neither walls, edges, grains, nor an earlier one of these that is clear."""
     size = np.array(sim.scene.size)
     clear = ((position > radius[:, None]) & (position < size - radius[:, None])).all(axis=1)
-    places, _ = census.places(sim.world)
+    places, _ = edit.places(sim.world)
     near = np.hypot(*(places[:, :2] - centre).T) < reach + places[:, 2] + radius.max()
     clear &= Taken(wall_segments(sim.world, sim.scene), places[near, :2], places[near, 2]).free(position, radius)
     apart = np.hypot(*(position[:, None] - position[None]).transpose(2, 0, 1)) - radius[:, None] - radius[None]
@@ -82,7 +83,7 @@ def destroy(stroke: Stroke) -> None:
     """Takes out what is under the brush."""
     slots, _, _ = stroke.under()
     if len(slots):
-        census.remove(stroke.sim.world, slots)
+        edit.remove(stroke.sim.world, slots)
         stroke.sim.removed += len(slots)
         stroke.sim.renew()
 
@@ -90,7 +91,7 @@ def destroy(stroke: Stroke) -> None:
 def grab(stroke: Stroke) -> None:
     """Holds the grain under the hand by a spring; let go while moving, it flies."""
     if stroke.phase == "press":
-        places, whole = census.places(stroke.sim.world)
+        places, whole = edit.places(stroke.sim.world)
         if not len(places):
             raise SandError("there is no grain to grab")
         gap = np.hypot(*(places[:, :2] - stroke.place).T) - places[:, 2]
@@ -145,7 +146,7 @@ def _hold(stroke: Stroke, on: bool) -> None:
     if len(slots):
         mass, inertia = stroke.session.brush.masses(stroke.sim, places[slots, 2], whole[slots, 1])
         free = np.zeros((len(slots), 2)) if on else np.stack([1 / mass, 1 / inertia], axis=1)
-        census.hold(stroke.sim.world, slots, free)
+        edit.hold(stroke.sim.world, slots, free)
         stroke.sim.renew()
 
 

@@ -4,18 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from taichi_sand import effects, live
-from taichi_sand.growing import rooms_of, write_field
+from taichi_sand import effects
 from taichi_sand.play.snapshot import Snapshot, tables_of
+from taichi_sand.run import live
+from taichi_sand.run.growing import rooms_of, write_field
+from taichi_sand.run.simulation import Simulation
 from taichi_sand.scene.checks import foreign
 from taichi_sand.scene.schema import Scene
-from taichi_sand.simulation import Simulation
 from taichi_sand.solvers import choose
-from taichi_sand.world.census import link_lines
 from taichi_sand.world.checkpoint import read_field
-from taichi_sand.world.naps import start_awake
+from taichi_sand.world.edit import link_lines
+from taichi_sand.world.sleep.state import start_awake
 from taichi_sand.world.tables import World
-from taichi_sand.world.wall_scene import change_walls
+from taichi_sand.world.walls.build import change_walls
 
 OVER = ("grains", "carried", "links", "count", "flags", "movers", "flow")
 """Tables that go over; the others are made for the structure they belong to."""

@@ -4,12 +4,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from taichi_sand.errors import SandError
 from taichi_sand.play.stroke import Stroke
-from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.moving import moves
 from taichi_sand.scene.nearby import images, near_walls, off_walls, segments
-from taichi_sand.world import census
-from taichi_sand.world.wall_scene import standing_walls
+from taichi_sand.world import edit
+from taichi_sand.world.walls.build import standing_walls
 
 STEP, FLAT = 0.25, 0.15
 """A stroke is followed in steps of this length, and drawn by straight parts that are nowhere farther off than this [d]."""
@@ -35,7 +35,7 @@ def build(stroke: Stroke) -> None:
     sim.set_walls([*sim.scene.walls, {"points": points.tolist()}])
     slots = cut_through(stroke, points)
     if len(slots):
-        census.remove(sim.world, slots)
+        edit.remove(sim.world, slots)
         sim.removed += len(slots)
         sim.renew()
         stroke.session.message = f"{len(slots)} {'grain' if len(slots) == 1 else 'grains'} stood in the way of the wall: taken out"
@@ -44,7 +44,7 @@ def build(stroke: Stroke) -> None:
 def cut_through(stroke: Stroke, points: np.ndarray) -> np.ndarray:
     """Slots of the free grains that a wall through `points` [m] would cut: deeper than what the tolerance lets overlap."""
     sim = stroke.sim
-    places, whole = census.places(sim.world)
+    places, whole = edit.places(sim.world)
     walls = images(segments([points]), sim.scene.size, sim.scene.periodic)
     grain, wall = near_walls(places[:, :2], walls, float(places[:, 2].max(initial=0.0)))
     distance, _ = off_walls(places[grain, :2], walls[wall])

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sand.scene.errors import Wrong, show, suggest
+from taichi_sand.errors import Wrong, show, suggest
 from taichi_sand.scene.moving import moves
 from taichi_sand.scene.rows import LENGTHS
 from taichi_sand.scene.shapes import BUILT_IN, joined, overlapping

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
+from taichi_sand.errors import SandError, show, suggest
 from taichi_sand.files.reading import read_text, starts_with
 from taichi_sand.scene.checks import foreign
-from taichi_sand.scene.errors import SandError, show, suggest
 from taichi_sand.scene.schema import Scene
 
 KINDS = ("md", "rigid")

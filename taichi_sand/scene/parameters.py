@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from taichi_sand.scene.errors import SandError, show, suggest
+from taichi_sand.errors import SandError, show, suggest
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ import io
 import math
 from pathlib import Path
 
+from taichi_sand.errors import SandError, show
 from taichi_sand.files.reading import read_text
-from taichi_sand.scene.errors import SandError, show
 
 COLUMNS = ("x", "y", "radius", "vx", "vy", "angle", "spin")
 LENGTHS = (2, 3, 5, 6, 7)

@@ -12,8 +12,8 @@ from typing import Any, Literal, Self
 
 from pydantic import BaseModel, PrivateAttr, ValidationError, model_validator
 
+from taichi_sand.errors import SandError
 from taichi_sand.scene import checks
-from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.kinds import Angle, Box, Edge, Number, Range, Switch, Table, Vector, Whole, key, sealed
 from taichi_sand.scene.rows import read_rows
 from taichi_sand.scene.shapes import BUILT_IN, Form, form

@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from taichi_sand.scene.errors import SandError, Wrong, show, suggest
+from taichi_sand.errors import SandError, Wrong, show, suggest
 
 ALLOWED = {
     "float_type": "must be a number",

@@ -6,12 +6,12 @@ import taichi as ti
 
 from taichi_sand.solvers.flights import go_on, move_on, relative_gravity, shares, time_to_touch
 from taichi_sand.solvers.impulses import arms, cone, give, load_of, look, lowest, meeting, slip_by, slip_of, tangential_mass
-from taichi_sand.world.boulders import is_boulder
+from taichi_sand.taichi_support.noinline import noinline
+from taichi_sand.world.extras.energy_ledger import drive, settle_work
 from taichi_sand.world.geometry import add, at_least, at_most, movable, within, wrench
-from taichi_sand.world.ledger import drive, settle_work
-from taichi_sand.world.noinline import noinline
-from taichi_sand.world.servo import along_course, apart, driver, drives, each_driven, hit_by
+from taichi_sand.world.search.large_grains import is_boulder
 from taichi_sand.world.sweep import nothing, sweep
+from taichi_sand.world.walls.servo import along_course, apart, driver, drives, each_driven, hit_by
 
 ROUNDS, LAUNCHED_ROUNDS = 32, 2
 """Most rounds of impacts in a step; and where each is a launch of its own."""

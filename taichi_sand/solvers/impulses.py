@@ -3,6 +3,7 @@
 import taichi as ti
 
 from taichi_sand.world.clumps import tilt, torques
+from taichi_sand.world.extras.energy_ledger import set_off, strike
 from taichi_sand.world.geometry import (
     add,
     couple,
@@ -15,8 +16,7 @@ from taichi_sand.world.geometry import (
     within,
     wrench,
 )
-from taichi_sand.world.ledger import set_off, strike
-from taichi_sand.world.memory import hand_on
+from taichi_sand.world.search.pair_history import hand_on
 
 
 @ti.func

@@ -10,14 +10,14 @@ from typing import Any, NamedTuple
 
 import taichi as ti
 
-from taichi_sand.world import fields
+from taichi_sand.taichi_support import field_pool
 from taichi_sand.world.clumps import head
+from taichi_sand.world.extras.energy_ledger import settle_work
+from taichi_sand.world.extras.links import pull_links, settle_links
 from taichi_sand.world.geometry import add, movable, wrench
-from taichi_sand.world.ledger import settle_work
-from taichi_sand.world.links import pull_links, settle_links
 from taichi_sand.world.motion import check_speed, drift, fastest_spin, with_body
-from taichi_sand.world.movers import place_walls
 from taichi_sand.world.sweep import each_grain, going, sweep
+from taichi_sand.world.walls.motion import place_walls
 
 
 class Stages(NamedTuple):
@@ -32,7 +32,7 @@ class Stages(NamedTuple):
 
 def allocate_stages(real: Any, capacity: int) -> Stages:
     """Empty table for `capacity` grains."""
-    return Stages(*(fields.vectors(4, real, capacity) for _ in range(4)), fields.scalars(ti.i32, ()))
+    return Stages(*(field_pool.vectors(4, real, capacity) for _ in range(4)), field_pool.scalars(ti.i32, ()))
 
 
 @ti.func

@@ -17,12 +17,12 @@ from taichi_sand.solvers.integrators import INTEGRATORS, Stages, allocate_stages
 from taichi_sand.solvers.tighten import follow
 from taichi_sand.solvers.tolerance import md_numbers
 from taichi_sand.world.clumps import levers, rim, tilt, torques
+from taichi_sand.world.extras.energy_ledger import set_off, split
 from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, motion_of, perp, rolling, wrench
-from taichi_sand.world.ledger import set_off, split
-from taichi_sand.world.memory import hand_on
-from taichi_sand.world.servo import along_course, balance, carried, drives, pressed, run_at, swinging
+from taichi_sand.world.search.pair_history import hand_on
 from taichi_sand.world.tables import World, fill_struct
-from taichi_sand.world.wedge import feel
+from taichi_sand.world.walls.servo import along_course, balance, carried, drives, pressed, run_at, swinging
+from taichi_sand.world.walls.wedge import feel
 
 MEMORY = 0
 __all__ = ["MEMORY", "build", "follow", "numbers"]

@@ -19,16 +19,16 @@ from taichi_sand.solvers.flights import flight
 from taichi_sand.solvers.impacts import collide_all, guess
 from taichi_sand.solvers.impulses import arms, cone, give, lay_by, look, lowest, meeting, resist_rolling, slip_by, slip_of
 from taichi_sand.solvers.tolerance import rigid_numbers
-from taichi_sand.world import fields
+from taichi_sand.taichi_support import field_pool
+from taichi_sand.world.extras.energy_ledger import settle_work
+from taichi_sand.world.extras.links import pull_links, settle_links
 from taichi_sand.world.geometry import add, at_least, movable, within, wrench
-from taichi_sand.world.ledger import settle_work
-from taichi_sand.world.links import pull_links, settle_links
 from taichi_sand.world.motion import drift, with_body
-from taichi_sand.world.movers import place_walls
-from taichi_sand.world.servo import along_course, apart, bear, drives, nobody, weightless
 from taichi_sand.world.sweep import each_grain, each_pair, going, nothing, sweep, sweep_twice, sweeps_join
 from taichi_sand.world.tables import World, fill_struct
-from taichi_sand.world.wedge import feel, holds
+from taichi_sand.world.walls.motion import place_walls
+from taichi_sand.world.walls.servo import along_course, apart, bear, drives, nobody, weightless
+from taichi_sand.world.walls.wedge import feel, holds
 
 MEMORY = 1
 REFERENCE_SHARE = 0.83
@@ -311,5 +311,5 @@ def numbers(scene: Any, bed: Bed) -> dict[str, float]:
 def build(scene: Any, values: dict[str, float], live: dict[str, float], own: list, effects: tuple, world: World) -> Rigid:
     """The solver for a world; `own` holds the columns of the pair table that MEMORY asked for, `live` the effects' live parameters."""
     constants = fill_struct(constants_type(world.real, live), {**values, **live})
-    struck, near = fields.scalars(ti.i32, world.capacity), fields.scalars(ti.i32, world.capacity)
+    struck, near = field_pool.scalars(ti.i32, world.capacity), field_pool.scalars(ti.i32, world.capacity)
     return Rigid(constants, own[0], struck, near, effects, step, renew, any(hasattr(effect, "heat") for effect in effects))

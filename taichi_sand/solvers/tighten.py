@@ -13,7 +13,7 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.solvers.bed import EARTH, REST
-from taichi_sand.world.census import strained
+from taichi_sand.world.edit import strained
 from taichi_sand.world.geometry import distance_to_second, motion_of
 from taichi_sand.world.sweep import every_pair
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import taichi_sand as sand
-from taichi_sand.world import device
+from taichi_sand.taichi_support import runtime
 
 R = 0.005
 RHO = 2650.0
@@ -61,10 +61,10 @@ def fresh_taichi() -> None:
 
     Simulations that somebody still holds are dead from then on: a test uses one at a time. (A failed one lives on in its traceback.)
     """
-    if device.alive:
+    if runtime.alive:
         gc.collect()
-    if device.alive:
-        device.abandon()
+    if runtime.alive:
+        runtime.abandon()
 
 
 def simulate(discs: Sequence[Disc] | list[dict[str, Any]], size: Sequence[float], solver: dict[str, Any], **keys: Any) -> Any:

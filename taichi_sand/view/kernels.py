@@ -6,9 +6,9 @@ All lists are NumPy arrays of the painter: the painter needs no room on the devi
 
 import taichi as ti
 
+from taichi_sand.taichi_support.runtime import on_gpu
 from taichi_sand.view.shapes import disc, lighter, line, mix, sleepy
 from taichi_sand.world.clumps import disc_around, discs_around, turned
-from taichi_sand.world.device import on_gpu
 from taichi_sand.world.geometry import mobility, movable, position
 from taichi_sand.world.sweep import block_count
 from taichi_sand.world.tables import CHUNK

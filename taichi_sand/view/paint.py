@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taichi_sand.scene.errors import SandError
+from taichi_sand.errors import SandError
 from taichi_sand.view import kernels, palette
 from taichi_sand.view.views import KIND, PERCENTILE, VIEWS, Range, check_view, quantile
-from taichi_sand.world.census import link_lines
+from taichi_sand.world.edit import link_lines
 from taichi_sand.world.tables import World
 
 REFERENCE_WIDTH = 720

@@ -5,10 +5,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from taichi_sand.taichi_support.turns import turn
 from taichi_sand.view.caption import Caption
 from taichi_sand.view.paint import Painter
-from taichi_sand.world.turns import turn
-from taichi_sand.world.wall_scene import wall_segments
+from taichi_sand.world.walls.build import wall_segments
 
 SIDES = ("left", "right", "bottom", "top")
 _painters: WeakKeyDictionary[Any, Painter] = WeakKeyDictionary()

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from taichi_sand.errors import SandError, suggest
 from taichi_sand.measure import structure
-from taichi_sand.scene.errors import SandError, suggest
 from taichi_sand.view import palette
 from taichi_sand.world.tables import World
 

@@ -10,16 +10,17 @@ import taichi as ti
 
 from taichi_sand.scene.grains import Pack
 from taichi_sand.scene.packing import parted
-from taichi_sand.world import fields, flags
-from taichi_sand.world.boulders import part_boulders
-from taichi_sand.world.carried import allocate_carried
+from taichi_sand.taichi_support import field_pool
+from taichi_sand.world import flags
 from taichi_sand.world.clumps import build_shapes
-from taichi_sand.world.grid import allocate_grid
-from taichi_sand.world.links import build_links
-from taichi_sand.world.naps import allocate_naps, start_awake
-from taichi_sand.world.pairs import LEAST_SKIN, LEAST_SLACK, MOST_REACH, MOST_SKIN, MOST_SLACK
+from taichi_sand.world.extras.grain_columns import allocate_carried
+from taichi_sand.world.extras.links import build_links
+from taichi_sand.world.search.cell_list import allocate_grid
+from taichi_sand.world.search.growth import KINDS, NO_ROOMS, Rooms, Sizes, foreseen, sizes_of
+from taichi_sand.world.search.large_grains import part_boulders
+from taichi_sand.world.search.neighbour_list import LEAST_SKIN, LEAST_SLACK, MOST_REACH, MOST_SKIN, MOST_SLACK
 from taichi_sand.world.sinks import build_flow
-from taichi_sand.world.table_room import KINDS, NO_ROOMS, Rooms, Sizes, foreseen, sizes_of
+from taichi_sand.world.sleep.state import allocate_naps, start_awake
 from taichi_sand.world.tables import (
     LANES,
     LEAST_ROOM,
@@ -34,8 +35,8 @@ from taichi_sand.world.tables import (
     round_up,
     site_rows,
 )
-from taichi_sand.world.wall_scene import SIDES, lay_walls, moving_walls, wall_parts
-from taichi_sand.world.walls import cast_parts, moving_entries
+from taichi_sand.world.walls.build import SIDES, lay_walls, moving_walls, wall_parts
+from taichi_sand.world.walls.segments import cast_parts, moving_entries
 
 STRIPS_FROM = 30_000
 """Grains from which a sweep pays for being cut into strips: handing out a parallel loop costs as much as some thousand pairs."""
@@ -175,11 +176,11 @@ def make_world(
         grid=allocate_grid(real, capacity, cells, most_summed(layout, sleeps, cells, capacity, sites)),
         **lay_walls(scene, parts, still, sites, wall_room, rooms.entries, gpu, real),
         **build_flow(scene, real),
-        pace=fields.record(pace_type(real)),
-        lacks=fields.scalars(real, KINDS),
+        pace=field_pool.record(pace_type(real)),
+        lacks=field_pool.scalars(real, KINDS),
         flags=flags.allocate(),
-        count=fields.scalars(ti.i32, ()),
-        box=fields.record(box_type(real)),
+        count=field_pool.scalars(ti.i32, ()),
+        box=field_pool.record(box_type(real)),
         **edges_of(scene),
         capacity=capacity,
         **rows_of(sizes, rooms),

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from taichi_sand.errors import SandError
 from taichi_sand.files import archive, writing
 from taichi_sand.files.archive import Announced
 from taichi_sand.files.reading import opened
-from taichi_sand.scene.errors import SandError
 
 FORMAT = 7
 Misfit = Callable[[Any, dict[str, Announced]], str]

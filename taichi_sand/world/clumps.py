@@ -10,7 +10,7 @@ import numpy as np
 import taichi as ti
 
 from taichi_sand.scene.shapes import Form
-from taichi_sand.world import fields
+from taichi_sand.taichi_support import field_pool
 from taichi_sand.world.tables import round_up, write_rows
 
 MOST = 64
@@ -29,7 +29,7 @@ def build_shapes(forms: Sequence[Form], real: Any) -> Shapes:
     """The table of the shapes of all kinds."""
     discs = np.concatenate([form.discs for form in forms])
     rows = round_up(len(forms) + 1)
-    table = Shapes(fields.scalars(ti.i32, rows), fields.vectors(3, real, round_up(len(discs))), fields.scalars(real, rows))
+    table = Shapes(field_pool.scalars(ti.i32, rows), field_pool.vectors(3, real, round_up(len(discs))), field_pool.scalars(real, rows))
     write_rows(table.start, np.cumsum([0] + [len(form.discs) for form in forms]))
     write_rows(table.disc, discs)
     write_rows(table.span, np.array([form.span for form in forms]))

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from taichi_sand.world import fields
+from taichi_sand.taichi_support import field_pool
 
 NOT_FINITE, TOO_FAST, ESCAPED, WALL_WAITS, SOURCE_FULL, NOWHERE = range(6)
 NONE = 2**31 - 1
@@ -28,7 +28,7 @@ SENTENCES = {
 
 def allocate() -> Any:
     """Rows: kind of flag; columns: how often, least step, least grain id."""
-    flags = fields.scalars(ti.i32, (len(SENTENCES), 3))
+    flags = field_pool.scalars(ti.i32, (len(SENTENCES), 3))
     reset(flags)
     return flags
 

@@ -5,10 +5,10 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.world.clumps import head, off_arc, span
+from taichi_sand.world.extras.links import pull_of
 from taichi_sand.world.flags import NOT_FINITE, TOO_FAST, flag
 from taichi_sand.world.geometry import add, at_least, spin, velocity
-from taichi_sand.world.links import pull_of
-from taichi_sand.world.movers import close_walls
+from taichi_sand.world.walls.motion import close_walls
 
 LARGEST_SQUARE = 1e36
 """32 bits hold no more than 3e38."""

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import taichi as ti
 
-from taichi_sand.world import fields
+from taichi_sand.taichi_support import field_pool
 
 
 class Flow(NamedTuple):
@@ -21,7 +21,9 @@ def build_flow(scene: Any, real: Any) -> dict[str, Any]:
     if not scene.sources and not scene.sinks:
         return {"flow": None, "flows": False}
     regions = [sink.region for sink in scene.sinks] or [(0.0, 0.0, -1.0, -1.0)]
-    flow = Flow(fields.scalars(ti.i32, max(1, len(scene.sources))), fields.vectors(4, real, len(regions)), fields.scalars(ti.i32, ()))
+    flow = Flow(
+        field_pool.scalars(ti.i32, max(1, len(scene.sources))), field_pool.vectors(4, real, len(regions)), field_pool.scalars(ti.i32, ())
+    )
     flow.sink.from_numpy(np.array(regions, np.float64 if real == ti.f64 else np.float32))
     return {"flow": flow, "flows": True}
 

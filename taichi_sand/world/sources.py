@@ -13,10 +13,10 @@ import numpy as np
 from taichi_sand.scene.grains import Pack
 from taichi_sand.scene.room import Room
 from taichi_sand.scene.shapes import inertia, mass
-from taichi_sand.world import census
+from taichi_sand.world import edit
 from taichi_sand.world.flags import SOURCE_FULL, raise_flag
 from taichi_sand.world.tables import World
-from taichi_sand.world.wall_scene import wall_segments
+from taichi_sand.world.walls.build import wall_segments
 
 INTERVAL = 1 / 60
 """Simulated time between two looks at what is due [s]."""
@@ -137,13 +137,13 @@ def pour(scene: Any, world: World, first_id: int, time: float) -> int:
     for index, number in enumerate(waiting(scene, world, time)):
         if number <= 0 or there is None:
             continue
-        room = census.room(world)
+        room = edit.room(world)
         if room <= 0:
             raise_flag(world, SOURCE_FULL, index)
             continue
         grains = settle(scene, world, index, min(number, room), *there)
         if found := len(grains["radius"]):
-            census.add(world, grains, first_id + count)
+            edit.add(world, grains, first_id + count)
             count += found
             world.flow.made[index] += found
             there = np.concatenate([there[0], grains["position"]]), np.concatenate([there[1], grains["radius"]])
@@ -152,7 +152,7 @@ def pour(scene: Any, world: World, first_id: int, time: float) -> int:
 
 def places_of(world: World) -> tuple[np.ndarray, np.ndarray]:
     """Places (n, 2) and radii (n,) of the grains there are [m], with the images that a periodic box has of them."""
-    numbers, _ = census.places(world)
+    numbers, _ = edit.places(world)
     position, radius = numbers[:, :2], numbers[:, 2]
     for shift in images(world):
         position, radius = np.concatenate([position, numbers[:, :2] + shift]), np.concatenate([radius, numbers[:, 2]])

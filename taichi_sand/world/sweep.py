@@ -13,8 +13,8 @@ from typing import Any
 
 import taichi as ti
 
+from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.geometry import present
-from taichi_sand.world.noinline import noinline
 from taichi_sand.world.tables import CHUNK, STRIPS
 
 CELL_COLOURS = 6

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import taichi as ti
 
-from taichi_sand.world import fields
+from taichi_sand.taichi_support import field_pool
 
 STRIPS = 64
 """Most strips of columns that one sweep is cut into, when it is cut into strips at all; even."""
@@ -237,7 +237,7 @@ def allocate_grains(real: Any, rows: int, clumps: bool) -> Grains:
         if name in ("heading", "start_spin") and not clumps:
             columns.append(None)
             continue
-        columns.append(fields.vectors(width[name], kind, rows) if name in width else fields.scalars(kind, rows))
+        columns.append(field_pool.vectors(width[name], kind, rows) if name in width else field_pool.scalars(kind, rows))
     return Grains(*columns)
 
 
@@ -248,41 +248,41 @@ def allocate_pairs(
     search to search, as its force does: what is read between a search and the next step is then still what the pair carries.
     """
     rows = parts * half
-    force = fields.vectors(2, real, rows)
-    columns = tuple(fields.scalars(real, rows) for _ in range(extra))
+    force = field_pool.vectors(2, real, rows)
+    columns = tuple(field_pool.scalars(real, rows) for _ in range(extra))
     return Pairs(
-        first=fields.scalars(ti.i32, rows),
-        second=fields.scalars(ti.i32, rows),
-        reach=fields.vectors(2, real, rows),
-        contact_distance=fields.scalars(real, rows),
-        normal=fields.vectors(2, real, rows),
-        gap=fields.scalars(real, rows),
-        mass=fields.scalars(real, rows),
-        root_mass=fields.scalars(real, rows),
-        mass_t=fields.scalars(real, rows),
+        first=field_pool.scalars(ti.i32, rows),
+        second=field_pool.scalars(ti.i32, rows),
+        reach=field_pool.vectors(2, real, rows),
+        contact_distance=field_pool.scalars(real, rows),
+        normal=field_pool.vectors(2, real, rows),
+        gap=field_pool.scalars(real, rows),
+        mass=field_pool.scalars(real, rows),
+        root_mass=field_pool.scalars(real, rows),
+        mass_t=field_pool.scalars(real, rows),
         force=force,
         memory=(force, *columns),
-        **{name: fields.scalars(ti.i32, 2 * capacity) for name in ("row_start", "row_count", "wall_row_start", "wall_row_count")},
-        along=fields.vectors(2, real, parts * wall_half),
-        bounds=fields.vectors(2, real, parts * wall_half),
-        slopes=fields.vectors(2, real, parts * wall_half),
-        side=fields.scalars(real, parts * wall_half),
-        hinge=fields.vectors(2, real, parts * wall_half) if moves else None,
-        driven=fields.scalars(ti.i32, parts * wall_half) if driven else None,
-        discs=fields.scalars(ti.i32, rows) if clumps else None,
-        arms=fields.vectors(4, real, rows) if clumps else None,
-        rims=fields.vectors(2, real, rows) if clumps else None,
-        levers=fields.vectors(4, real, rows) if clumps else None,
+        **{name: field_pool.scalars(ti.i32, 2 * capacity) for name in ("row_start", "row_count", "wall_row_start", "wall_row_count")},
+        along=field_pool.vectors(2, real, parts * wall_half),
+        bounds=field_pool.vectors(2, real, parts * wall_half),
+        slopes=field_pool.vectors(2, real, parts * wall_half),
+        side=field_pool.scalars(real, parts * wall_half),
+        hinge=field_pool.vectors(2, real, parts * wall_half) if moves else None,
+        driven=field_pool.scalars(ti.i32, parts * wall_half) if driven else None,
+        discs=field_pool.scalars(ti.i32, rows) if clumps else None,
+        arms=field_pool.vectors(4, real, rows) if clumps else None,
+        rims=field_pool.vectors(2, real, rows) if clumps else None,
+        levers=field_pool.vectors(4, real, rows) if clumps else None,
     )
 
 
 def allocate_blocks(count: int, lanes: int) -> Blocks:
     """Empty table of `count` blocks of `lanes` runs."""
-    return Blocks(*(fields.scalars(ti.i32, count * (lanes if name == "lane_end" else 1)) for name in Blocks._fields))
+    return Blocks(*(field_pool.scalars(ti.i32, count * (lanes if name == "lane_end" else 1)) for name in Blocks._fields))
 
 
 def fill_struct(struct: Any, values: dict[str, Any]) -> Any:
     """A 0-D field of type `struct` with those of `values` that it has members for."""
-    field = fields.record(struct)
+    field = field_pool.record(struct)
     field[None] = {key: value for key, value in values.items() if key in struct.members}
     return field

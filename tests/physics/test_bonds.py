@@ -12,8 +12,8 @@ from helpers import Disc as Grain
 import taichi_sand as sand
 from taichi_sand import SandError
 from taichi_sand.play.session import Session
-from taichi_sand.world import census
-from taichi_sand.world.links import ends_of
+from taichi_sand.world import edit
+from taichi_sand.world.extras.links import ends_of
 
 SIZE = (0.4, 0.4)
 SOLVERS = {"md": {"kind": "md", "restitution": 0.5}, "rigid": {"kind": "rigid"}}
@@ -126,7 +126,7 @@ def test_bonds_break_at_their_strength(name: str, tmp_path: Path) -> None:
     chains = [[[0.1, 0.3 - 1.1 * D, R, 0, 0]], [[0.2, 0.3 - 1.1 * D, R, 0, 0], [0.2, 0.3 - 2.2 * D, R, 0, 0]]]
     grains = [{"positions": [tops[k], *chains[k]], "bonded": True} for k in range(2)]
     sim = bonded(grains, SOLVERS[name], gravity=(0, -G), bonds={"stiffness": 200.0, "damping": 0.0, "strength": 2.2})
-    census.hold(sim.world, np.flatnonzero(np.isin(sim.world.grains.id.to_numpy()[: sim.count], (0, 2))), np.zeros((2, 2)))
+    edit.hold(sim.world, np.flatnonzero(np.isin(sim.world.grains.id.to_numpy()[: sim.count], (0, 2))), np.zeros((2, 2)))
     sim.renew()
     sim.advance(0.1)
     assert sorted(map(tuple, ends_of(sim.world, 0).tolist())) == [(2, 3)]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from helpers import D, Disc, G, K, M, R, chain_forces, simulate, unit
 
-from taichi_sand.study.reference import chain, first_bounce, zeta_for
-from taichi_sand.study.setups import NARROW, column
+from taichi_sand.study.validate.reference import chain, first_bounce, zeta_for
+from taichi_sand.study.validate.setups import NARROW, column
 
 T_C = math.pi * math.sqrt(M / 2 / K)
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from helpers import OPEN, PERIODIC, D, Disc, G, K, M, R, kinetic, simulate
 
-from taichi_sand.study.setups import COLLISIONS, MD, T_C, collision_in_frames, gas, implosion, momenta, springs
-from taichi_sand.study.setups import FREE as SOLVERS
+from taichi_sand.study.validate.setups import COLLISIONS, MD, T_C, collision_in_frames, gas, implosion, momenta, springs
+from taichi_sand.study.validate.setups import FREE as SOLVERS
 
 
 @pytest.mark.parametrize("name", SOLVERS)

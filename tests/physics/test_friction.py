@@ -7,9 +7,9 @@ import pytest
 import taichi as ti
 from helpers import INERTIA, D, Disc, G, K, M, R, perp, simulate, unit
 
-from taichi_sand.study.reference import slip_on_disc
-from taichi_sand.study.setups import FLOOR_THRESHOLD, T_C, THRESHOLD, pyramid, resting
-from taichi_sand.study.setups import RESTING as SOLVERS
+from taichi_sand.study.validate.reference import slip_on_disc
+from taichi_sand.study.validate.setups import FLOOR_THRESHOLD, T_C, THRESHOLD, pyramid, resting
+from taichi_sand.study.validate.setups import RESTING as SOLVERS
 
 
 @pytest.mark.parametrize("angle", [0.0, 90.0, 180.0, 270.0, 17.0, 45.0])

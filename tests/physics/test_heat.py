@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers import D, Disc, G, M, R, kinetic, simulate
 
-from taichi_sand.world.wall_scene import standing_walls
+from taichi_sand.world.walls.build import standing_walls
 
 K = 2e6
 T_C = math.pi * math.sqrt(M / 2 / K)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers import INERTIA, D, Disc, Gallery, K, M, R, simulate
 
-from taichi_sand.study.reference import clipped_restitution, hard_impact, impact, spring_impact, zeta_for
+from taichi_sand.study.validate.reference import clipped_restitution, hard_impact, impact, spring_impact, zeta_for
 
 T_C = math.pi * math.sqrt(M / 2 / K)
 """Contact time of two standard discs, linear law [s]; on a wall it is sqrt(2) longer."""

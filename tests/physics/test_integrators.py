@@ -5,8 +5,8 @@ import math
 import pytest
 from helpers import Disc, Gallery, K, M, R, simulate
 
-from taichi_sand.study import orders
-from taichi_sand.study.reference import spring_impact, zeta_for
+from taichi_sand.study.validate import orders
+from taichi_sand.study.validate.reference import spring_impact, zeta_for
 
 
 @pytest.mark.parametrize("integrator", orders.INTEGRATORS)

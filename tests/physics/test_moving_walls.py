@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers import OPEN, D, Disc, G, R, listed, simulate
 
-from taichi_sand.world.wall_scene import standing_walls
+from taichi_sand.world.walls.build import standing_walls
 
 SOLVERS: dict[str, dict[str, Any]] = {"rigid": {"kind": "rigid", "step": 1e-3}, "md": {"kind": "md", "stiffness": 2e7, "step": 2e-6}}
 DOWN = (0.0, -G)

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from taichi_sand.study import repose
+from taichi_sand.study.validate import repose
 
 
 @pytest.mark.slow

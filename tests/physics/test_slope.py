@@ -7,8 +7,8 @@ import pytest
 
 import taichi_sand as sand
 from taichi_sand.solvers.tolerance import TOO_SOFT
-from taichi_sand.study import slope
 from taichi_sand.study.laboratory import D, fresh_taichi
+from taichi_sand.study.validate import slope
 
 SMALL = {"layers": 8, "width": 12}
 

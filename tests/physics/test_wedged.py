@@ -7,7 +7,7 @@ import pytest
 from helpers import D, Disc, G, R, simulate
 
 import taichi_sand as sand
-from taichi_sand.world.wall_scene import standing_walls
+from taichi_sand.world.walls.build import standing_walls
 
 SOLVERS = ("rigid", "md")
 SHAKE = {"amplitude": [0.006, 0.006], "frequency": 12.0}

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sand.scene.errors import PhysicsError, SandError
+from taichi_sand.errors import PhysicsError, SandError
 from taichi_sand.study.sweep.engine import Runner, execute
 from taichi_sand.study.sweep.job import numbers
 from taichi_sand.study.sweep.plan import Asked, Plan, plan

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from taichi_sand import effects as modules
+from taichi_sand.errors import SandError
 from taichi_sand.files import writing
 from taichi_sand.scene import loading
-from taichi_sand.scene.errors import SandError
 from taichi_sand.scene.schema import Scene
 from taichi_sand.study.sweep import results
 from taichi_sand.study.sweep.job import failure, simulate

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
+from taichi_sand.errors import SandError
 from taichi_sand.files import writing
-from taichi_sand.scene.errors import SandError
 from taichi_sand.study.sweep.plan import Plan
 from taichi_sand.study.sweep.plot import numeric
 from taichi_sand.study.sweep.store import Store

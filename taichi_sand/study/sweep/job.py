@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from taichi_sand.scene.errors import SandError
+from taichi_sand.errors import SandError
 from taichi_sand.study.sweep.plan import Job
 
 PIECE = 1 / 60
@@ -58,8 +58,8 @@ def failure(status: str, sentence: str) -> bytes:
 
 def _run(job: Job, timeout: float | None) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     from taichi_sand.measure.named import MEASURES
+    from taichi_sand.run.simulation import Simulation
     from taichi_sand.scene.schema import Scene
-    from taichi_sand.simulation import Simulation
 
     end = time.monotonic() + timeout if timeout else None
     with own_effects(job.own):

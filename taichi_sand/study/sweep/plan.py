@@ -9,8 +9,8 @@ from typing import Any
 
 import taichi_sand
 from taichi_sand import effects
+from taichi_sand.errors import SandError, suggest
 from taichi_sand.measure.named import MEASURES
-from taichi_sand.scene.errors import SandError, suggest
 from taichi_sand.scene.schema import Scene
 from taichi_sand.study.sweep.specs import values_of
 

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from taichi_sand.errors import SandError, suggest
 from taichi_sand.files import writing
-from taichi_sand.scene.errors import SandError, suggest
-from taichi_sand.study.plot import COLOURS, DIM, GROUND, LINE, PANEL, TEXT, pyplot
+from taichi_sand.study.cost.plot import COLOURS, DIM, GROUND, LINE, PANEL, TEXT, pyplot
 
 BAND = 1.96
 """Half-width of the band, in standard errors of the mean over the seeds: 95 %."""

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 import taichi_sand
+from taichi_sand.errors import SandError
 from taichi_sand.files import writing
 from taichi_sand.measure.named import UNITS
-from taichi_sand.scene.errors import SandError
 from taichi_sand.study.sweep.job import as_csv, numbers
 from taichi_sand.study.sweep.plan import Job, Plan
 from taichi_sand.study.sweep.store import Store

@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from taichi_sand.scene.errors import SandError, show
+from taichi_sand.errors import SandError, show
 
 RANGE = re.compile(r"(log:)?([^:,]+?)\.\.([^:,]+):(\d+)")
 FORMS = "`0.1,0.2,0.5`, `0..1:5`, `log:0.001..0.1:5` or words such as `md,rigid`"

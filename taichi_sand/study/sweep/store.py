@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from taichi_sand.errors import SandError
 from taichi_sand.files import writing
-from taichi_sand.scene.errors import SandError
 from taichi_sand.study.sweep.plan import Job
 
 RUNS = "runs"

@@ -1,0 +1,47 @@
+"""What the commands have in common: options, and a bar that shows how far they are."""
+
+import math
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from taichi_sand.errors import SandError
+
+SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="Path of a scene file, or name of a bundled scene.")]
+Seconds = Annotated[float | None, typer.Option("--seconds", help="Simulated seconds; else the scene's duration.")]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Any scene key by dotted path, such as solver.kind=md; repeatable."),
+]
+Effects = Annotated[
+    list[Path] | None,
+    typer.Option("--effect", metavar="FILE", help="Python file with an effect of your own, which is then on; repeatable."),
+]
+Arch = Annotated[Literal["cpu", "cuda", "vulkan", "metal", "gpu"], typer.Option("--arch", help="Where kernels run.")]
+Threads = Annotated[int | None, typer.Option("--threads", min=1, help="CPU threads; results do not depend on it.")]
+Precision = Annotated[int | None, typer.Option("--precision", metavar="32|64", help="Bits of a number in the solver.")]
+
+
+@contextmanager
+def progress_bar(label: str) -> Iterator[Callable[[float], None] | None]:
+    """A bar on stderr while it is a terminal, else None; it takes the share done."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(label, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
+
+def check_seconds(seconds: float | None) -> None:
+    """SandError unless it is a number of seconds, or none was given."""
+    if seconds is not None and not (0 <= seconds < math.inf):
+        raise SandError(f"--seconds {seconds:g} must be a number of seconds, 0 or more")

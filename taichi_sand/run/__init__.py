@@ -1,0 +1,1 @@
+"""The simulation: its loop, what it reads, keeps and follows."""

@@ -1,0 +1,110 @@
+"""Tables that grow: what a search finds too small is made larger, in the same step, before anything has moved (world.table_room)."""
+
+from typing import Any
+
+import numpy as np
+
+from taichi_sand.run import stepping
+from taichi_sand.run.clock import Clock
+from taichi_sand.taichi_support import field_pool, runtime
+from taichi_sand.world.checkpoint import read_field
+from taichi_sand.world.search.growth import Rooms, Sizes, sizes_of
+from taichi_sand.world.search.neighbour_list import list_again
+from taichi_sand.world.sleep.wake import bury_now
+from taichi_sand.world.tables import World
+
+STARTS = ("row_start", "wall_row_start")
+"""Columns that hold rows of the pair table."""
+
+
+def rooms_of(world: World) -> Rooms:
+    """How much room the tables of a world have."""
+    entries = world.movers.next.shape[0] if world.moves else 0
+    return Rooms(world.rows, world.wall_rows, world.boulders, world.boulder_walls, entries)
+
+
+def in_larger(name: str, values: np.ndarray, shape: tuple[int, ...], before: Sizes, after: Sizes) -> np.ndarray:
+    """The values of the field `name` of a simulation with pair tables of size `before`, as one with size `after` has them, in `shape`; as
+    they are if they are not of such a simulation.
+    """
+    if name.endswith(STARTS):
+        return before.moved(values, after).astype(values.dtype)
+    if values.shape == shape or values.ndim != len(shape) or values.shape[1:] != shape[1:]:
+        return values
+    larger, rows = np.zeros(shape, values.dtype), np.arange(len(values))
+    if name.startswith(".0.pairs"):
+        rows = before.moved(rows, after) if len(values) % before.half == 0 else before.moved_walls(rows, after)
+    if len(rows) and rows.max() >= shape[0]:
+        return values
+    larger[rows] = values
+    return larger
+
+
+def once(named: dict[str, Any]) -> dict[str, Any]:
+    """These fields, each under the first of its names."""
+    first = {id(field): (name, field) for name, field in reversed(named.items())}
+    return dict(reversed(first.values()))
+
+
+class Growing:
+    """The side of `Simulation` that sees to the room of its tables."""
+
+    world: Any
+    solver: Any
+    hand: Any
+    rooms: Rooms
+    planned: Any
+    numbers: dict[str, float]
+    bed: Any
+    clock: Clock
+    returning: Any
+    _lay: Any
+    _fields: Any
+
+    def fit_tables(self) -> None:
+        """Larger tables, and all pairs listed again, if the last search found more than there is room for."""
+        woken = self.world.pace[None].lacking == 2
+        if not self.world.pace[None].lacking:
+            return
+        with self.clock.stage("compile"):
+            while self.world.pace[None].lacking:
+                self.take_room(rooms_of(self.world).larger(self.world.lacks.to_numpy()))
+                self.world.lacks.fill(0)
+                self.world.pace[None].lacking = 0
+                list_again(self.world)
+            stepping.warm(self.world, self.solver)
+        if woken:
+            bury_now(self.world)
+            stepping.renew(self.world, self.solver)
+
+    def take_room(self, rooms: Rooms) -> None:
+        """Goes on with tables of at least so much room, and all there is in them; where there is as much already, with those there are."""
+        rooms = rooms_of(self.world).joined(rooms)
+        if rooms == rooms_of(self.world):
+            return
+        kept = {name: self.__dict__[name] for name in ("bed", "numbers")}
+        before, sizes = once(self._fields()), self.sizes_with(rooms_of(self.world))
+        self.rooms = rooms
+        give_back = self.returning
+        self.returning = field_pool.lend(self, lambda: self._lay(self.planned, self.hand is not None), keep=not runtime.on_gpu())
+        self.__dict__.update(kept)
+        for name, field in once(self._fields()).items():
+            write_field(field, read_field(before[name]), name, sizes, self.sizes_with(self.rooms))
+        give_back()
+
+    def sizes_with(self, rooms: Rooms) -> Sizes:
+        """Sizes of its pair tables if they had this room."""
+        blocks = self.world.blocks.pair_start.shape[0]
+        return sizes_of(rooms, self.world.capacity, blocks - int(self.world.sleeps or self.world.boulders > 0))
+
+
+def write_field(field: Any, parts: dict[str, np.ndarray], name: str, before: Sizes, after: Sizes) -> None:
+    """Puts what `read_field` gave of a field `name` with tables of size `before` into one with tables of size `after`."""
+    values = {part: in_larger(name + part, array, shape_of(field, part), before, after) for part, array in parts.items()}
+    field.from_numpy(values[""] if "" in values else {part[1:]: array for part, array in values.items()})
+
+
+def shape_of(field: Any, part: str) -> tuple[int, ...]:
+    """Shape of the array that `read_field` gives for a part of a field."""
+    member = field.get_member_field(part[1:]) if part else field
+    return tuple(member.shape) + ((member.n,) if hasattr(member, "n") else ())

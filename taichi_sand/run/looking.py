@@ -1,0 +1,84 @@
+"""Looks at a simulation while it goes on: stiffness and step follow what the pile has become."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+from taichi_sand.scene.schema import Scene
+from taichi_sand.solvers import choose
+from taichi_sand.solvers.bed import DENSE, EARTH, REST, Bed, depth_of
+from taichi_sand.solvers.tolerance import follows_tolerance
+from taichi_sand.world import edit
+
+LOOK, GROWTH = 0.25 / math.sqrt(0.01 / EARTH), 1.2
+"""Simulated time between two looks at the pile, in sqrt(d / g), 0.25 s for grains of 1 cm; and by how much it must have grown in depth for
+stiffness and step to follow."""
+
+
+class Looking:
+    """The side of `Simulation` that keeps stiffness and step right."""
+
+    scene: Scene
+    bed: Bed
+    numbers: dict[str, float]
+    over: dict[str, float]
+    sizes: Any
+    world: Any
+    steps: int
+    step: float
+    epoch: tuple[int, float]
+    count: int
+    _adopt: Any
+
+    def _look_every(self) -> int:
+        return max(1, math.floor(LOOK * self.bed.moment / self.step))
+
+    def _steps_to_look(self) -> int:
+        """Steps until the next look at the depth, counted from when the step last changed."""
+        return self._look_every() - (self.steps - self.epoch[0]) % self._look_every()
+
+    def _look(self) -> None:
+        """Stiffness and step follow the depth of a pile that has grown, what the contacts of one at rest show, how fast grains are, and
+        how fast they flow.
+        """
+        if not self.count or self._sleepy():
+            return
+        if self.bed.gravity:
+            self.bed = self._deeper(self.bed)
+        unit = math.sqrt(self.bed.gravity * self.bed.diameter)
+        share, deep, fastest = edit.strained(self.world, self.scene.solver.tolerance * self.bed.diameter, REST * unit)
+        if self.bed.gravity and follows_tolerance(self.scene.solver):
+            self.bed = self.bed.seen(share, deep)
+        self.bed = self.bed.moving(fastest, edit.flow(self.world, DENSE) if share > 0.01 else 0.0)
+        self._keep_up()
+
+    def _hasten(self) -> None:
+        """Stiffness and step follow a grain that is faster than they are made for."""
+        *_, fastest = edit.strained(self.world, 0.0, 0.0)
+        self.bed = self.bed.outrun(fastest)
+        self._keep_up()
+
+    def _keep_up(self) -> None:
+        """Stiffness and step are those for the bed as it is."""
+        self.world.pace[None].hasty = 0
+        if choose(self.scene.solver.kind).numbers(self.scene, self.bed) != self.numbers:
+            self._adopt(self.scene, self.bed, self.over)
+
+    def _deeper(self, bed: Bed) -> Bed:
+        """The bed as deep as it is now, if it has grown."""
+        numbers, whole = edit.places(self.world)
+        free = whole[:, 2] == 0
+        if free.any():
+            radius = numbers[:, 2] * self.sizes[whole[:, 1]]
+            depth, load = depth_of(numbers[free, :2], radius[free], 1 / numbers[free, 3], self.scene.gravity)
+            if depth > GROWTH * bed.depth or load > GROWTH * bed.load:
+                return replace(bed, depth=max(depth, bed.depth), load=max(load, bed.load))
+        return bed
+
+    def _sleepy(self) -> bool:
+        """Whether this look can be left out: with few awake a pile grows more slowly, with nobody not at all."""
+        if not self.world.sleeps:
+            return False
+        awake = self.world.naps.state[None].awake
+        number = (self.steps - self.epoch[0]) // self._look_every()
+        return not awake or number % max(1, math.floor((GROWTH - 1) * self.count / awake)) != 0

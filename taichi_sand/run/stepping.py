@@ -1,0 +1,225 @@
+"""The march: steps, with the searches, looks and wakings that they need in between, in as few launches as the layout allows."""
+
+import time
+from typing import Any
+
+import taichi as ti
+
+from taichi_sand.taichi_support.noinline import noinline
+from taichi_sand.world.motion import close_step
+from taichi_sand.world.search.neighbour_list import progress, search
+from taichi_sand.world.sleep.fall_asleep import rearrange, search_whole
+from taichi_sand.world.sleep.state import called, drowsy
+from taichi_sand.world.sleep.wake import bury, stir
+
+BATCH = 8
+"""Steps of a large world between two looks at whether its search still holds; steps that find it spent do nothing."""
+LAUNCH = 0.1
+"""About so long may a launch take [s]: nobody can interrupt it, nor read what is simulated meanwhile."""
+DEAREST = 300e-9
+"""What a grain and step may cost with all that belongs to it, until it has been measured [s] (measured: 20 to 80 ns, and 240 more where
+every step needs a search)."""
+FIRST, ROUSED = 16, 4
+"""The first launch gets a FIRST-th of the steps. One ends early when ROUSED times as many grains are awake as at its start, and 64 more."""
+DONE, DROWSY, EARLY, LACKING = range(4)
+"""Why `steps_in_one` ended: all is done; somebody is to fall asleep; many have woken up; a table is too small."""
+
+
+class Cadence:
+    """How many steps fit into a launch, by what they have cost so far."""
+
+    def __init__(self) -> None:
+        self.cost = 0.0  # of a step, in the last launches [s]
+
+    def steps(self, grains: int) -> int:
+        """So many for so many grains awake."""
+        most = LAUNCH / (DEAREST * max(1, grains))
+        return max(1, int(min(most, LAUNCH / self.cost) if self.cost else most / FIRST))
+
+    def took(self, steps: int, seconds: float) -> None:
+        """What a launch has cost; cheaper ones are believed by and by."""
+        if steps:
+            self.cost = max(seconds / steps, 0.5 * self.cost)
+
+
+@noinline
+def make_ready(w: ti.template(), s: ti.template()):
+    """Wakes who is called, and makes the search that is due."""
+    if ti.static(w.sleeps):
+        woken = called(w)
+        if woken:
+            stir(w)
+        if w.pace[None].spent == 1:
+            search(w)
+        if woken:
+            if w.pace[None].lacking == 0:
+                bury(w)
+                start_anew(w, s)
+            else:
+                w.pace[None].lacking = 2
+    elif w.pace[None].spent == 1:
+        search(w)
+
+
+@ti.func
+def start_anew(w: ti.template(), s: ti.template()):
+    """After a change by hand or of who sleeps the solver starts from the pairs there are."""
+    if ti.static(hasattr(s, "renew")):
+        s.renew(w, s)
+
+
+def watchers(solver: Any) -> list[Any]:
+    """Effects that watch the grains as they move."""
+    return [effect for effect in solver.effects if hasattr(effect, "watch")]
+
+
+@ti.func
+def watch(w: ti.template(), s: ti.template()):
+    """Lets these effects look."""
+    for effect in ti.static(watchers(s)):
+        effect.watch(w, s)
+
+
+@ti.func
+def going_on(w: ti.template(), end):
+    """Whether there is a step to be made before step `end`."""
+    return w.pace[None].done < end and w.pace[None].hasty == 0
+
+
+@ti.func
+def roused(w: ti.template(), most):
+    """Whether more than `most` grains are awake."""
+    crowd = False
+    if ti.static(w.sleeps):
+        crowd = w.naps.state[None].awake > most
+    return crowd
+
+
+@ti.kernel
+def steps_in_one(w: ti.template(), s: ti.template(), steps: ti.i32, most: ti.i32) -> ti.i32:
+    """`steps` steps with all searches they need, in one launch, on one thread (layout "one"); leaves the pairs of the moment. Fewer where
+    a grain gets too fast for their length (world.motion.guarded).
+
+    Returns DROWSY, EARLY or LACKING if it stopped early, as somebody is to fall asleep, more than `most` are awake, or a table is too small
+    for what a search found.
+    """
+    why = DONE
+    ti.loop_config(serialize=True)
+    for _run in range(1):
+        start = w.pace[None].done
+        end = start + steps
+        while w.pace[None].lacking == 0 and not drowsy(w) and (called(w) or w.pace[None].spent == 1 or going_on(w, end)):
+            make_ready(w, s)
+            if roused(w, most) and w.pace[None].done > start:
+                end = w.pace[None].done
+                why = EARLY
+            if going_on(w, end) and not called(w) and w.pace[None].lacking == 0:
+                s.step(w, s, True)
+                close_step(w)
+                if ti.static(len(watchers(s)) > 0):
+                    if w.pace[None].done % w.pace[None].watch == 0:
+                        watch(w, s)
+        if drowsy(w):
+            why = DROWSY
+        if w.pace[None].lacking != 0:
+            why = LACKING
+    return why
+
+
+@ti.kernel
+def step_alone(w: ti.template(), s: ti.template(), impacts: ti.template()):
+    """One step, its loops over blocks in parallel; nothing happens if a search is due. `impacts`: see solvers.rigid.step."""
+    s.step(w, s, impacts)
+    close_step(w)
+
+
+@ti.kernel
+def watch_alone(w: ti.template(), s: ti.template()):
+    """Lets effects look, between steps."""
+    watch(w, s)
+
+
+@ti.kernel
+def renew_alone(w: ti.template(), s: ti.template()):
+    """The solver starts anew, between steps."""
+    start_anew(w, s)
+
+
+def may_be_calm(world: Any, solver: Any) -> bool:
+    """Whether steps without impacts are launched as such. Soft contacts know none, and a GPU would have to be waited for at every step."""
+    return world.layout == "strips" and solver.meets
+
+
+def compile_steps(world: Any, solver: Any) -> None:
+    """Compiles the steps of a large world: one that finds its search spent does nothing."""
+    if world.layout != "one":
+        for impacts in (True, False)[: 1 + may_be_calm(world, solver)]:
+            step_alone(world, solver, impacts)
+
+
+def warm(world: Any, solver: Any) -> None:
+    """Compiles the steps of a world in the middle of a run; nothing happens."""
+    pace = world.pace[None]
+    spent = pace.spent
+    pace.spent = pace.lacking = 1
+    compile_steps(world, solver)
+    if world.layout == "one":
+        steps_in_one(world, solver, 0, 0)
+    pace.spent, pace.lacking = spent, 0
+
+
+def renew(world: Any, solver: Any) -> None:
+    """The solver starts anew, between launches."""
+    if hasattr(solver, "renew"):
+        renew_alone(world, solver)
+        ti.sync()
+
+
+def now(record: Any, name: str) -> Any:
+    """One number of a 0-D struct: `record[None]` takes 0.2 ms where there are as many as in the pace."""
+    return record.get_member_field(name)[None]
+
+
+def awake(world: Any) -> int:
+    """Grains that are computed."""
+    return int(now(world.naps.state, "awake") if world.sleeps else world.count[None])
+
+
+def march(sim: Any, done: int, end: int) -> None:
+    """From step `done` to step `end`, or less far if it takes longer than a launch may, or a grain gets too fast for such steps; leaves the
+    pairs of the moment. The world and the solver of `sim` may be others then: see growing.
+    """
+    (march_in_one if sim.world.layout == "one" else march_alone)(sim, done, end)
+
+
+def march_in_one(sim: Any, done: int, end: int) -> None:
+    """The same in one launch, or a few."""
+    most = ROUSED * awake(sim.world) + 64
+    while (why := steps_in_one(sim.world, sim.solver, end - done, most)) in (DROWSY, LACKING):
+        if why == LACKING:
+            sim.fit_tables()
+        else:
+            rearrange(sim)
+            renew(sim.world, sim.solver)
+        done = now(sim.world.pace, "done")
+
+
+def march_alone(sim: Any, done: int, end: int) -> None:
+    """The same with launches of single steps."""
+    every, looked, start, before = now(sim.world.pace, "watch"), done, time.perf_counter(), done
+    while True:
+        spent, done, hasty = progress(sim.world)
+        if every and done % every == 0 and done != looked:
+            watch_alone(sim.world, sim.solver)
+            looked = done
+        if spent:
+            search_whole(sim)
+        if sim.world.sleeps and now(sim.world.naps.state, "due"):
+            rearrange(sim)
+            renew(sim.world, sim.solver)
+            continue
+        if done == end or hasty or (done > before and time.perf_counter() - start > LAUNCH):
+            break
+        calms, impacts = may_be_calm(sim.world, sim.solver), sim.world.pace.get_member_field("impacts")
+        for _ in range(min(BATCH, end - done, every - done % every if every else BATCH)):
+            step_alone(sim.world, sim.solver, not calms or bool(impacts[None]))

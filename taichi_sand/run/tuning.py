@@ -1,0 +1,102 @@
+"""What can be changed of a simulation while it goes on: live numbers, walls, water."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from taichi_sand.errors import SandError
+from taichi_sand.run import live
+from taichi_sand.run.entry import changes, reads
+from taichi_sand.scene.schema import Scene
+from taichi_sand.solvers.bed import Bed, height_of
+from taichi_sand.world.extras.wetness import pour
+from taichi_sand.world.sleep.fall_asleep import wake
+from taichi_sand.world.walls.build import change_walls
+
+
+class Tuning:
+    """The side of `Simulation` that is turned by hand."""
+
+    scene: Scene
+    over: dict[str, float]
+    bed: Bed
+    world: Any
+    renew: Any
+    _adopt: Any
+
+    @reads
+    def get(self, key: str) -> Any:
+        """The value of a live number, by its dotted key in the scene (`gravity`, `solver.tolerance`, `effects.friction.mu`): as a scene may
+        have it, or as it was set beyond that; None for one of [solver] that is not given, and follows from the tolerance.
+
+        Raises:
+            SandError: nothing that may change has this key; the sentence names what has.
+        """
+        value = live.read(self.scene, key)
+        return self.over.get(key, value)
+
+    @changes
+    def set(self, key: str, value: Any, *, unphysical: bool = False) -> None:
+        """Goes on with another value of a live number; `key` as for `get`. It stays through looks, checkpoints, and undoing.
+
+        Args:
+            key: which.
+            value: as in a scene file; None takes one of [solver] back to what follows from the tolerance.
+            unphysical: lets parameters of effects, and the restitution, go beyond their ranges.
+
+        Raises:
+            SandError: nothing that may change has this key, or it may not have this value; then nothing has changed.
+        """
+        found = live.beyond(self.scene, key, value) if unphysical else None
+        over = {name: number for name, number in self.over.items() if name != key}
+        if found:
+            over[key], value = found
+        scene = live.written(self.scene, key, value)
+        wake(self.world)
+        self._adopt(scene, self._bed_for(scene), over)
+
+    @changes
+    def retune(self, scene: Scene) -> None:
+        """Goes on with gravity and all numbers of solver and effects that `scene` has. Values beyond their ranges stay, where the scene has
+        not got another one for that key.
+
+        Raises:
+            SandError: it differs in more than what may change; then nothing has changed.
+        """
+        live.check_live(self.scene, scene)
+        wake(self.world)
+        self._adopt(scene, self._bed_for(scene), live.kept(self.over, self.scene, scene))
+
+    def _bed_for(self, scene: Scene) -> Bed:
+        """The bed as it is under the gravity of `scene`."""
+        if scene.gravity == self.scene.gravity:
+            return self.bed
+        gravity = float(np.hypot(*scene.gravity))
+        height = height_of(scene.gravity, scene.size)
+        return replace(self.bed, gravity=gravity, drop=height if gravity else 0.0, height=height)
+
+    @changes
+    def set_walls(self, walls: Sequence[Any]) -> None:
+        """Goes on with these `[[walls]]`, a table each as in a scene file, in the place of those there are.
+
+        Raises:
+            SandError: a table is wrong, or there is no room for them (with `hand` there is room for many); then nothing has changed.
+        """
+        scene = self.scene.with_walls(walls)
+        change_walls(self.world, self.scene, scene)
+        self.scene = scene
+        self.renew()
+
+    @changes
+    def wet(self, x: float, y: float, radius: float, amount: float) -> int:
+        """Adds `amount` (below 0: takes water away) to the wetness, 0 … 1, of the grains within `radius` of (x, y) [m], and wakes who
+        sleeps; returns how many grains these are. SandError without the effect `moisture`.
+        """
+        if not hasattr(self.world.carried, "wetness"):
+            raise SandError("nothing can be wetted: the scene has no table [effects.moisture]", "effects.moisture")
+        found = pour(self.world, x, y, radius, amount)
+        if self.world.sleeps:
+            self.renew()
+        return int(found)

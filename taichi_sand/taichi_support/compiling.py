@@ -1,0 +1,37 @@
+"""How long Taichi has compiled: kernels are compiled when they are first called, in the middle of whatever calls them.
+
+The whole first call counts, as the last part of compiling (to the code of the processor, 20 to 200 ms) cannot be told from the run that
+follows it. The steps themselves are first called when a simulation is made, for no step at all; all other kernels run for milliseconds.
+"""
+
+import time
+from typing import Any
+
+from taichi.lang.kernel_impl import Kernel
+
+from taichi_sand.taichi_support.host_access import PLAIN
+
+spent = {"seconds": 0.0}
+"""What first calls have taken in this process, of kernels from the cache on disk too [s]."""
+call = Kernel.__call__
+
+
+def seconds() -> float:
+    """Time that first calls of kernels have taken so far, in all simulations of this process [s]."""
+    return spent["seconds"]
+
+
+def timed(self: Kernel, *args: Any, **kwargs: Any) -> Any:
+    """In place of `Kernel.__call__`."""
+    known, start = len(self.compiled_kernels), time.perf_counter()
+    try:
+        return call(self, *args, **kwargs)
+    finally:
+        if len(self.compiled_kernels) > known:
+            spent["seconds"] += time.perf_counter() - start
+
+
+def watch() -> None:
+    """Times what is compiled from now on in this process, unless PLAIN: then only what a simulation compiles as it is made is known."""
+    if not PLAIN:
+        Kernel.__call__ = timed

@@ -1,0 +1,65 @@
+"""Functions of kernels that are compiled each by itself and called, where `ti.func` is copied into whoever calls it.
+
+Taichi 1.7 takes time as the square of the length of what it compiles in one piece. Its own `ti.real_func` does this, but puts the
+statements of a `ti.func` that is called there into the kernel, and keeps what it has compiled when Taichi is started anew: both crash.
+"""
+
+import functools
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+from taichi.lang import impl
+from taichi.lang.ast import transform_tree
+from taichi.lang.kernel_impl import Func, _get_tree_and_ctx
+
+from taichi_sand.taichi_support.host_access import CPUS
+
+
+class NotInlined(Func):
+    """Such a function, once for each set of templates."""
+
+    def __init__(self, function: Callable) -> None:
+        super().__init__(function, is_real_function=True)
+        self.program: Any = None
+
+    def __call__(self, *args: Any) -> Any:
+        if self.program is not impl.get_runtime().prog:
+            self.program, self.compiled, self.taichi_functions, self.mapper.mapping = impl.get_runtime().prog, {}, {}, {}
+        return super().__call__(*args)
+
+    def do_compile(self, key: Any, args: Any, arg_features: Any) -> None:
+        """As in Taichi, but all that is called goes into this function too."""
+        tree, context = _get_tree_and_ctx(self, is_kernel=False, args=args, arg_features=arg_features, is_real_function=True)
+        runtime = impl.get_runtime()
+        made = runtime.prog.create_function(key)
+
+        def body() -> None:
+            outer, kernel = runtime.compiling_callable, runtime.current_kernel
+            runtime.compiling_callable = made
+            runtime.current_kernel = SimpleNamespace(ast_builder=made.ast_builder, autodiff_mode=kernel.autodiff_mode)
+            try:
+                context.ast_builder = made.ast_builder()
+                transform_tree(tree, context)
+            finally:
+                runtime.compiling_callable, runtime.current_kernel = outer, kernel
+
+        self.taichi_functions[key.instance_id] = made
+        self.compiled[key.instance_id] = body
+        made.set_function_body(body)
+
+
+def noinline(function: Callable) -> Callable:
+    """Decorator in place of `ti.func`. All parameters are annotated; what returns a number says of which type. On a GPU, where not all
+    backends know functions, it is copied like others.
+    """
+    func, copied = NotInlined(function), Func(function)
+
+    @functools.wraps(function)
+    def call(*args: Any) -> Any:
+        return (func if impl.current_cfg().arch in CPUS else copied)(*args)
+
+    call._is_taichi_function = True  # type: ignore[attr-defined]
+    call._is_real_function = False  # type: ignore[attr-defined]
+    call.func = func  # type: ignore[attr-defined]
+    return call

@@ -1,0 +1,1 @@
+"""Who is near whom: cell list, neighbour list, candidates, large grains."""

@@ -1,0 +1,245 @@
+"""The dense grid: a stable counting sort that keeps the grains in the order of their cells.
+
+Cells are numbered column by column, upwards; boulders lie in one cell more, behind all others; grains that left the box land behind
+that, and are gone.
+"""
+
+from typing import Any, NamedTuple
+
+import taichi as ti
+
+from taichi_sand.taichi_support import field_pool
+from taichi_sand.world.clumps import head
+from taichi_sand.world.extras.grain_columns import sort_along
+from taichi_sand.world.flags import ESCAPED, NOWHERE, flag
+from taichi_sand.world.geometry import position, present, velocity
+from taichi_sand.world.search.prefix_sum import put_in_order, running_sums, scratch_rows
+from taichi_sand.world.sinks import drain
+from taichi_sand.world.tables import ABREAST, STRIPS
+
+
+class Grid(NamedTuple):
+    """Cells, and what the sort needs."""
+
+    start: Any  # first slot of each cell, shape (cells + 2,), i32
+    sums: Any  # scratch for running sums
+    cell: Any  # cell of each grain, before the sort by its old slot, i32
+    source: Any  # the slot that each grain had before the sort, i32
+    columns: Any  # cells along x, 0-D i32
+    rows: Any  # cells along y, 0-D i32
+    cell_size: Any  # 0-D 2-vector [m]
+    flight: Any  # position and velocity of each grain, rounded: enough to tell who is far, shape (capacity + ABREAST,), 4-vectors
+    whole: Any  # scratch for the whole numbers of a grain, shape (capacity,), i32 5-vectors
+    number: Any  # scratch for the others, 18-vectors
+
+
+def allocate_grid(real: Any, capacity: int, cells: int, summed: int) -> Grid:
+    """Empty grid for up to `cells` cells, with scratch for the running sums of up to `summed` rows."""
+    return Grid(
+        start=field_pool.scalars(ti.i32, cells + 2),
+        sums=field_pool.scalars(ti.i32, scratch_rows(summed)),
+        cell=field_pool.scalars(ti.i32, capacity),
+        source=field_pool.scalars(ti.i32, capacity),
+        columns=field_pool.scalars(ti.i32, ()),
+        rows=field_pool.scalars(ti.i32, ()),
+        cell_size=field_pool.vectors(2, real, ()),
+        flight=field_pool.vectors(4, real, capacity + ABREAST, layout=ti.Layout.SOA),
+        whole=field_pool.vectors(5, ti.i32, capacity),
+        number=field_pool.vectors(18, real, capacity),
+    )
+
+
+@ti.func
+def anchor(w: ti.template(), i):
+    """Folds the shift of grain i into its site and offset, and its turn into its angle."""
+    g = ti.static(w.grains)
+    box = w.box[None]
+    place = g.offset[i] + g.shift[i]
+    hop = ti.floor(place / box.spacing + 0.5)
+    site = g.site[i] + ti.cast(hop, ti.i32)
+    g.offset[i] = place - hop * box.spacing
+    for k in ti.static(range(2)):
+        if ti.static(w.periodic[k]):
+            site[k] = site[k] - box.sites[k] * ti.cast(ti.floor(ti.cast(site[k], w.real) / box.sites[k]), ti.i32)
+    g.site[i] = site
+    g.shift[i] = ti.Vector([0.0, 0.0])
+    g.start_velocity[i] = velocity(w, i)
+    if ti.static(w.turns):
+        angle = g.angle[i] + g.turn[i]
+        g.angle[i] = angle - 2 * ti.math.pi * ti.floor(angle / (2 * ti.math.pi) + 0.5)
+        g.turn[i] = 0.0
+
+
+@ti.func
+def outside(w: ti.template(), i):
+    """1 if grain i has wholly left through an open edge, is in a sink, or was taken out.
+
+    One found behind a closed edge is put back and flagged, one whose place is no number is taken out and flagged.
+    """
+    g = ti.static(w.grains)
+    box = w.box[None]
+    p, r = position(w, i), g.radius[i]
+    if ti.static(w.flows):
+        drain(w, i, p)
+    left = ti.cast(g.id[i] < 0, ti.i32)
+    if not (p.dot(p) >= 0.0):
+        left = 1
+        flag(w, NOWHERE, g.id[i])
+    for k in ti.static(range(2)):
+        if ti.static(not w.periodic[k]):
+            for end in ti.static(range(2)):
+                beyond = -p[k] if ti.static(end == 0) else p[k] - box.size[k]
+                if ti.static(w.open_edges[2 * k + end]):
+                    left |= ti.cast(beyond > r, ti.i32)
+                elif beyond > 0.0:
+                    g.offset[i][k] += (beyond + 0.5 * r) * (1 if ti.static(end == 0) else -1)
+                    g.twist[i][k] = 0.0
+                    g.start_velocity[i][k] = 0.0
+                    flag(w, ESCAPED, g.id[i])
+    return left
+
+
+@ti.func
+def cell_of(w: ti.template(), i):
+    """Cell of grain i; beyond the box the nearest one."""
+    grid = ti.static(w.grid)
+    at = ti.cast(ti.floor(position(w, i) / grid.cell_size[None]), ti.i32)
+    column = ti.min(ti.max(at.x, 0), grid.columns[None] - 1)
+    row = ti.min(ti.max(at.y, 0), grid.rows[None] - 1)
+    return column * grid.rows[None] + row
+
+
+@ti.func
+def cell_count(w: ti.template()):
+    """Cells, the one for boulders, the last, included."""
+    return w.grid.columns[None] * w.grid.rows[None] + ti.static(int(w.boulders > 0))
+
+
+@ti.func
+def lay_cells(w: ti.template(), width):
+    """Cuts the box into cells at least `width` wide. Periodic axes get a number of cells that the colours of a sweep fit."""
+    grid = ti.static(w.grid)
+    box = w.box[None]
+    count = ti.Vector([1, 1])
+    for k in ti.static(range(2)):
+        count[k] = ti.max(1, ti.cast(box.size[k] / ti.max(width, box.least_cell), ti.i32))
+        if ti.static(w.periodic[k] and w.layout == "cells"):
+            count[k] -= count[k] % (2 if ti.static(k == 0) else 3)
+    grid.columns[None], grid.rows[None] = count.x, count.y
+    grid.cell_size[None] = box.size / ti.cast(count, w.real)
+
+
+@ti.func
+def sort(w: ti.template()):
+    """Stable counting sort of the grains by cell; leaves the old slot of each in `source` and drops the grains that left."""
+    grid = ti.static(w.grid)
+    cells = cell_count(w)
+    count = present(w)
+    if ti.static(w.layout == "cells"):
+        count_abreast(w)
+    else:
+        count_through(w, cells, count)
+    if ti.static(w.sleeps):
+        w.naps.state[None].awake = grid.start[cells]
+        if w.naps.state[None].asleep == 0:
+            w.count[None] = grid.start[cells]
+        elif grid.start[cells] < count:
+            w.naps.state[None].due = 1
+    else:
+        w.count[None] = grid.start[cells]
+
+
+@ti.func
+def count_through(w: ti.template(), cells, count):
+    """First slot of every cell, and who comes to every slot: grain by grain."""
+    grid = ti.static(w.grid)
+    ti.loop_config(serialize=True)
+    for c in range(cells + 2):
+        grid.start[c] = 0
+    ti.loop_config(serialize=True)
+    for i in range(count):
+        grid.start[grid.cell[i] + 1] += 1
+    ti.loop_config(serialize=True)
+    for c in range(cells + 1):
+        grid.start[c + 1] += grid.start[c]
+    ti.loop_config(serialize=True)
+    for i in range(count):
+        slot = grid.start[grid.cell[i]]
+        grid.start[grid.cell[i]] = slot + 1
+        grid.source[slot] = i
+    ti.loop_config(serialize=True)
+    for k in range(cells + 1):
+        c = cells + 1 - k
+        grid.start[c] = grid.start[c - 1]
+    grid.start[0] = 0
+
+
+@ti.func
+def count_abreast(w: ti.template()):
+    """The same, all grains at once. They come into their cells as threads have it, and are put in order there, but for those who left."""
+    grid = ti.static(w.grid)
+    for c in range(grid.start.shape[0]):
+        grid.start[c] = 0
+    for i in range(present(w)):
+        grid.whole[i][0] = ti.atomic_add(grid.start[grid.cell[i]], 1)
+    running_sums(grid.start, grid.sums, True)
+    for i in range(present(w)):
+        grid.source[grid.start[grid.cell[i]] + grid.whole[i][0]] = i
+    for c in range(cell_count(w)):
+        put_in_order(grid.source, grid.start[c], grid.start[c + 1])
+
+
+@ti.func
+def permute(w: ti.template(), count):
+    """Moves every row of the grain table, and its cell, into the new order."""
+    grid = ti.static(w.grid)
+    ti.loop_config(serialize=w.layout == "one")
+    for i in range(count):
+        g = ti.static(w.grains)
+        k = grid.source[i]
+        o, u, v, m, f = g.offset[k], g.start_velocity[k], g.twist[k], g.mobility[k], g.wrench[k]
+        grid.whole[i] = ti.Vector([g.site[k].x, g.site[k].y, g.id[k], g.kind[k], grid.cell[k]])
+        motion = [o.x, o.y, u.x, u.y, v.x, v.y, v.z, v.w]
+        body = [m.x, m.y, m.z, m.w, f.x, f.y, f.z, f.w, g.radius[k], g.angle[k]]
+        grid.number[i] = ti.Vector(motion + body)
+    ti.loop_config(serialize=w.layout == "one")
+    for i in range(count):
+        g = ti.static(w.grains)
+        n, k = grid.number[i], grid.whole[i]
+        g.site[i], g.id[i], g.kind[i], grid.cell[i] = ti.Vector([k[0], k[1]]), k[2], k[3], k[4]
+        g.offset[i], g.start_velocity[i] = ti.Vector([n[0], n[1]]), ti.Vector([n[2], n[3]])
+        g.twist[i], g.mobility[i] = ti.Vector([n[4], n[5], n[6], n[7]]), ti.Vector([n[8], n[9], n[10], n[11]])
+        g.wrench[i], g.radius[i], g.angle[i] = ti.Vector([n[12], n[13], n[14], n[15]]), n[16], n[17]
+        if ti.static(w.clumps):
+            g.start_spin[i] = n[6]
+            head(w, i)
+        p = position(w, i)
+        grid.flight[i] = ti.Vector([p.x, p.y, n[4], n[5]])
+    if ti.static(w.sleeps):
+        for i in range(count):
+            w.naps.push[i].x = w.naps.still[grid.source[i]]
+        for i in range(count):
+            w.naps.still[i] = w.naps.push[i].x
+    sort_along(w, count)
+
+
+@ti.func
+def cut_blocks(w: ti.template()):
+    """First and last grain of every block of the sweep."""
+    grid = ti.static(w.grid)
+    blocks = ti.static(w.blocks)
+    columns, rows = grid.columns[None], grid.rows[None]
+    if ti.static(w.layout == "one"):
+        blocks.grain_start[0], blocks.grain_end[0] = 0, grid.start[columns * rows]
+    elif ti.static(w.layout == "strips"):
+        ti.loop_config(serialize=True)
+        for b in range(STRIPS):
+            start, end = b * columns // STRIPS, (b + 1) * columns // STRIPS
+            if columns < STRIPS:
+                start, end = ti.min(b, columns), ti.min(b + 1, columns)
+                if ti.static(w.periodic[0]):
+                    start, end = (0 if b == 0 else columns), columns
+            blocks.grain_start[b], blocks.grain_end[b] = grid.start[start * rows], grid.start[end * rows]
+    else:
+        for b in range(columns * rows):
+            blocks.grain_start[b], blocks.grain_end[b] = grid.start[b], grid.start[b + 1]

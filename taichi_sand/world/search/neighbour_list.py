@@ -1,0 +1,321 @@
+"""The search: sorts the grains into cells and lists the pairs that may touch before the next search.
+
+A grain is foreseen to fly straight on; a pair is listed if on these paths it comes closer than the skin within the horizon. The list
+holds until the horizon is reached or a grain has left its foreseen path by half the skin. So grains that fall together cost no search.
+"""
+
+import taichi as ti
+
+from taichi_sand.taichi_support.noinline import noinline
+from taichi_sand.world.clumps import turned
+from taichi_sand.world.extras.links import find_links
+from taichi_sand.world.geometry import perp, present, spin, velocity
+from taichi_sand.world.search.candidates import list_range, may_meet
+from taichi_sand.world.search.cell_list import anchor, cell_count, cell_of, cut_blocks, lay_cells, outside, permute, sort
+from taichi_sand.world.search.growth import PAIRS, WALLS, lack
+from taichi_sand.world.search.large_grains import is_boulder, list_boulders
+from taichi_sand.world.search.pair_history import carry
+from taichi_sand.world.search.prefix_sum import running_sums
+from taichi_sand.world.search.wall_candidates import list_walls
+from taichi_sand.world.sleep.state import call, call_by_walls, settle, site_of, translate
+from taichi_sand.world.tables import CHUNK, FAR, SPARE, STRIPS
+from taichi_sand.world.walls.casting import cast_walls
+from taichi_sand.world.walls.motion import start_walls
+from taichi_sand.world.walls.servo import drives, link_driven
+
+LEAST_SKIN, MOST_SKIN = 0.04, 0.5
+LEAST_SLACK, GOOD_SLACK, MOST_SLACK = 0.10, 1.0, 2.0
+"""Skin, and how much two grains may approach one another within the horizon, in mean diameters: more than GOOD_SLACK only where they do
+so in one step, as cells grow with it and a search of large cells costs more than several of small ones."""
+SKIN = 10.0
+"""Skin / d = sqrt(SKIN u), u the spread of velocities times h / d. Every listed pair costs in every step, a search once in skin / u
+steps: their sum is least for a skin that goes with the root of u (measured: a search costs as much as some 30 looks at a pair)."""
+SHARES = 16384
+"""Threads that look for the extremes of the velocities on a GPU: each of them has to wait for the others once."""
+STEPS_AHEAD = 16
+"""Steps the search tries to foresee; more cost larger cells."""
+MOST_REACH = 2 * MOST_SLACK + MOST_SKIN
+"""How far from its surface a grain may have to know of a wall, in mean diameters: it flies at most 2 MOST_SLACK in the horizon."""
+
+
+@ti.func
+def anchor_all(w: ti.template()):
+    """Anchors the grains; returns their least and their largest velocity along both axes [m/s]."""
+    left, down, right, up = 1e30, 1e30, -1e30, -1e30
+    if ti.static(w.sleeps):
+        if w.naps.state[None].asleep > 0:
+            left, down, right, up = 0.0, 0.0, 0.0, 0.0
+    many = ti.static(SHARES if w.layout == "cells" else 1)
+    ti.loop_config(serialize=w.layout != "cells")
+    for share in range(many):
+        low, high = ti.Vector([1e30, 1e30]), ti.Vector([-1e30, -1e30])
+        for k in range((present(w) - share + many - 1) // many):
+            i = share + k * many
+            anchor(w, i)
+            low, high = ti.min(low, velocity(w, i)), ti.max(high, velocity(w, i))
+        ti.atomic_min(left, low.x)
+        ti.atomic_min(down, low.y)
+        ti.atomic_max(right, high.x)
+        ti.atomic_max(up, high.y)
+    if present(w) == 0:
+        left, down, right, up = 0.0, 0.0, 0.0, 0.0
+    return ti.Vector([left, down]), ti.Vector([right, up])
+
+
+@ti.func
+def foresee(w: ti.template()):
+    """Chooses skin, horizon and cells from how much the velocities differ."""
+    box = w.box[None]
+    low, high = anchor_all(w)
+    pace = w.pace[None]
+    approach = (high - low).norm() * pace.step
+    d = box.diameter
+    skin = ti.min(ti.max(ti.sqrt(SKIN * approach / d), LEAST_SKIN), MOST_SKIN) * d
+    ahead = ti.min(STEPS_AHEAD * approach, ti.max(GOOD_SLACK * d, approach))
+    slack = ti.min(ti.max(ahead, LEAST_SLACK * d), MOST_SLACK * d)
+    pace.skin = skin
+    fastest = ti.max(ti.abs(low), ti.abs(high)).norm() * pace.step
+    pushing = ti.Vector([0.0, 0.0])
+    if ti.static(w.moves):
+        ti.loop_config(serialize=True)
+        for _run in range(1):
+            pushing = start_walls(w)
+            fastest += pushing.x * pace.step
+    pace.horizon = ti.min(slack / (approach + 1e-20), 2.0 * MOST_SLACK * d / (fastest + 1e-20)) * pace.step
+    pace.grown = ti.cast(pace.since, w.real) * pace.step * pace.growth
+    pace.settled = ti.cast(pace.since, w.real) * pace.step * pace.settling
+    pace.since, pace.strayed, pace.spent, pace.short = 0, 0, 0, 0
+    pace.searches += 1
+    pace.impacts = 1
+    pace.half = 1 - pace.half
+    w.pace[None] = pace
+    lay_cells(w, box.listed + box.bridge + skin + slack)
+    if ti.static(w.moves):
+        flight = fastest / pace.step * pace.horizon
+        sight = box.largest * ti.static(1.5 if w.clumps else 0.5) + box.bridge + skin + (1.0 + pushing.y * pace.horizon) * flight
+        w.pace[None].sight = sight
+
+
+@ti.func
+def assign_cells(w: ti.template()):
+    """Cell of every grain; the one behind the last for those that left."""
+    ti.loop_config(serialize=w.layout != "cells")
+    for i in range(present(w)):
+        gone = outside(w, i)
+        cell = cell_of(w, i)
+        if ti.static(w.boulders > 0):
+            if is_boulder(w, i):
+                cell = cell_count(w) - 1
+        w.grid.cell[i] = cell_count(w) if gone else cell
+
+
+@noinline
+def list_block(w: ti.template(), b: ti.i32):
+    """Lists the pairs whose first grain belongs to block b, in the block's own part of the table."""
+    pairs = ti.static(w.pairs)
+    blocks = ti.static(w.blocks)
+    lanes = ti.static(w.lanes)
+    half = w.pace[None].half
+    start = blocks.grain_start[b]
+    count = blocks.grain_end[b] - start
+    run = (count + lanes - 1) // lanes
+    first, first_q = half * w.half, half * w.half + w.wall_base
+    last, last_q = first_q - w.boulders, first + w.half - w.boulder_walls
+    top, q = first, first_q
+    if ti.static(w.layout == "strips"):
+        top, q = first + w.rows * (start + SPARE * b), first_q + w.wall_rows * (start + SPARE * b)
+        first, last, first_q, last_q = top, top + w.rows * (count + SPARE), q, q + w.wall_rows * (count + SPARE)
+    elif ti.static(w.layout == "cells"):  # too small for a fixed room: they have been counted
+        top, q = first + blocks.pair_end[b], first_q + blocks.wall_end[b]
+    blocks.pair_start[b], blocks.wall_start[b] = top, q
+    end = top
+    for lane in range(lanes):
+        p = top + lane
+        for k in range(lane * run, ti.min((lane + 1) * run, count)):
+            i = start + k
+            row = half * w.capacity + i
+            pairs.row_start[row], pairs.wall_row_start[row] = p, q
+            next_p = list_neighbours(w, i, p, last, lanes)
+            if ti.static(w.sleeps):
+                next_p = list_sleepers(w, i, next_p, last, lanes)
+            next_q = list_walls(w, i, q, last_q, True)
+            pairs.row_count[row], pairs.wall_row_count[row] = (next_p - p) // lanes, next_q - q
+            p, q = next_p, next_q
+        blocks.lane_end[b * lanes + lane] = p
+        end = ti.max(end, p - lane)
+    blocks.pair_end[b], blocks.wall_end[b] = end, q
+    if end > last:
+        lack(w, PAIRS, end - first, last - first)
+    else:
+        for lane in range(lanes):
+            clear_rows(w, blocks.lane_end[b * lanes + lane], end, lanes)
+    if q > last_q:
+        lack(w, WALLS, q - first_q, last_q - first_q)
+
+
+@ti.func
+def share_out(w: ti.template()):
+    """In cells: counts the pairs of every block; `pair_end` and `wall_end` then say how many come before its own."""
+    blocks = ti.static(w.blocks)
+    for b in range(blocks.pair_end.shape[0]):
+        pairs, walls = 0, 0
+        if b < w.grid.columns[None] * w.grid.rows[None]:
+            for i in range(blocks.grain_start[b], blocks.grain_end[b]):
+                pairs = list_neighbours(w, i, pairs, 0, 0)
+                if ti.static(w.sleeps):
+                    pairs = list_sleepers(w, i, pairs, 0, 0)
+                walls = list_walls(w, i, walls, 0, False)
+        blocks.pair_end[b], blocks.wall_end[b] = pairs, walls
+    running_sums(blocks.pair_end, w.grid.sums, True)
+    running_sums(blocks.wall_end, w.grid.sums, True)
+
+
+@ti.func
+def clear_rows(w: ti.template(), start, end, lanes: ti.template()):
+    """Rows that only fill up a lane: two of nothing, far apart."""
+    pairs = ti.static(w.pairs)
+    for k in range((end - start + lanes - 1) // lanes):
+        row = start + k * lanes
+        pairs.first[row], pairs.second[row] = w.capacity - 1, w.capacity - 1
+        pairs.reach[row] = ti.Vector([FAR, 0.0])
+        pairs.contact_distance[row], pairs.gap[row] = 0.0, FAR
+        pairs.mass[row], pairs.mass_t[row] = 0.0, 0.0
+        pairs.normal[row] = ti.Vector([1.0, 0.0])
+        carry(w, row, -1)
+
+
+@ti.func
+def list_neighbours(w: ti.template(), i, p, last, lanes: ti.template()):
+    """Lists grain i with the grains behind it in its own cell and with those of the N, SE, E and NE cells. Returns the next row."""
+    grid = ti.static(w.grid)
+    columns, rows = grid.columns[None], grid.rows[None]
+    cell = grid.cell[i]
+    column, row = cell // rows, cell % rows
+    row_p = p
+    if ti.static(w.periodic[0] or w.periodic[1]):
+        row_p = list_range(w, i, i + 1, grid.start[cell + 1], row_p, last, lanes)
+        for k in ti.static(range(4)):
+            x = column + ti.static((0, 1, 1, 1)[k])
+            y = row + ti.static((1, -1, 0, 1)[k])
+            if ti.static(w.periodic[0]):
+                x = (x + columns) % columns
+            if ti.static(w.periodic[1]):
+                y = (y + rows) % rows
+            if x < columns and y >= 0 and y < rows:
+                other = x * rows + y
+                row_p = list_range(w, i, grid.start[other], grid.start[other + 1], row_p, last, lanes)
+    else:
+        above = ti.min(row + 1, rows - 1)
+        row_p = list_range(w, i, i + 1, grid.start[column * rows + above + 1], row_p, last, lanes)
+        if column + 1 < columns:
+            beside = (column + 1) * rows
+            row_p = list_range(w, i, grid.start[beside + ti.max(row - 1, 0)], grid.start[beside + above + 1], row_p, last, lanes)
+    return row_p
+
+
+@noinline
+def list_sleepers(w: ti.template(), i: ti.i32, p: ti.i32, last: ti.i32, lanes: ti.template()) -> ti.i32:
+    """Lists grain i, awake, with the sleepers that it may meet; those it would hit are called before. Returns the next row."""
+    naps = ti.static(w.naps)
+    row = p
+    if naps.state[None].asleep > 0:
+        box, v = w.box[None], velocity(w, i)
+        rounding = 1e-6 * (box.size.x + box.size.y)
+        near = w.grains.radius[i] + 0.5 * box.listed + box.bridge + w.pace[None].skin + v.norm() * w.pace[None].horizon + rounding
+        low = ti.cast(ti.floor((w.grid.flight[i].xy - near) / box.spacing), ti.i32)
+        high = ti.min(ti.cast(ti.floor((w.grid.flight[i].xy + near) / box.spacing), ti.i32), low + box.sites - 1)
+        for k in ti.static(range(2)):
+            if ti.static(not w.periodic[k]):
+                low[k], high[k] = ti.max(low[k], 0), ti.max(high[k], 0)
+                low[k], high[k] = ti.min(low[k], box.sites[k] - 1), ti.min(high[k], box.sites[k] - 1)
+        for x in range(low.x, high.x + 1):
+            if ti.static(w.periodic[1]):
+                for y in range(low.y, high.y + 1):
+                    site = site_of(w, x, y)
+                    row = list_range(w, i, naps.start[site], naps.start[site + 1], row, last, lanes)
+            else:
+                top = site_of(w, x, high.y) + 1
+                row = list_range(w, i, naps.start[site_of(w, x, low.y)], naps.start[top], row, last, lanes)
+        if ti.static(lanes > 0):
+            for k in range((row - p) // lanes):
+                if p + k * lanes < last:
+                    call_before_impact(w, i, p + k * lanes)
+    return row
+
+
+@ti.func
+def call_before_impact(w: ti.template(), i, q):
+    """Wakes the sleeper of pair q if grain i, which is awake, is about to hit it."""
+    apart, motion = w.pairs.reach[q], velocity(w, i)
+    if ti.static(w.clumps):
+        apart = w.pairs.normal[q] * (w.pairs.gap[q] + w.pairs.contact_distance[q])
+        motion += spin(w, i) * perp(turned(w, i, w.pairs.arms[q].xy))
+    if motion.dot(w.pairs.normal[q]) > w.naps.state[None].impact:
+        if may_meet(apart, -motion, w.pairs.contact_distance[q], w.pace[None].horizon):
+            call(w, w.pairs.second[q])
+
+
+@ti.func
+def search(w: ti.template()):
+    """The whole search, to be called at the top level of a kernel or, for the layout "one", inside a serial loop."""
+    count = present(w)
+    foresee(w)
+    assign_cells(w)
+    sort(w)
+    permute(w, count)
+    if ti.static(w.sleeps):
+        translate(w)
+    if ti.static(w.linked):
+        find_links(w)
+    cut_blocks(w)
+    list_all(w)
+
+
+@ti.func
+def list_all(w: ti.template()):
+    """The part of a search that may be made again: lists all pairs of the grains as they are sorted now."""
+    if ti.static(w.moves):
+        ti.loop_config(serialize=True)
+        for _run in range(1):
+            cast_walls(w)
+            if ti.static(w.sleeps):
+                call_by_walls(w)
+    if ti.static(w.layout == "cells"):
+        share_out(w)
+    if ti.static(w.boulders > 0):
+        ti.loop_config(serialize=True)
+        for _run in range(1):
+            list_boulders(w)
+    if ti.static(w.layout == "one"):
+        list_block(w, 0)
+    elif ti.static(w.layout == "strips"):
+        for k in range(STRIPS * CHUNK):
+            if k % CHUNK == 0:
+                list_block(w, k // CHUNK)
+    else:
+        for b in range(w.grid.columns[None] * w.grid.rows[None]):
+            list_block(w, b)
+    if ti.static(drives(w)):
+        link_driven(w)
+    if ti.static(w.sleeps):
+        settle(w)
+
+
+@ti.kernel
+def search_now(w: ti.template()):
+    """One search, its loops over blocks in parallel."""
+    search(w)
+
+
+@ti.kernel
+def list_again(w: ti.template()):
+    """Lists all pairs once more, in larger tables."""
+    list_all(w)
+
+
+@ti.kernel
+def progress(w: ti.template()) -> ti.types.vector(3, ti.i32):
+    """Whether a search is due, how many steps are done, and whether a grain is too fast for their length: together, as a GPU is waited for
+    at every look.
+    """
+    return ti.Vector([w.pace[None].spent, w.pace[None].done, w.pace[None].hasty])

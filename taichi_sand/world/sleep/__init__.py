@@ -1,0 +1,1 @@
+"""Grains that are not computed: who falls asleep, who wakes."""

@@ -1,0 +1,1 @@
+"""Walls: segments, joints, motion, walls with force."""

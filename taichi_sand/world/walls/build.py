@@ -1,0 +1,163 @@
+"""From the [[walls]] of a scene to the tables of the world, at the start and while it runs."""
+
+import math
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from taichi_sand.scene import moving
+from taichi_sand.scene.grains import Pack
+from taichi_sand.scene.nearby import images, segments
+from taichi_sand.world.search.neighbour_list import MOST_REACH
+from taichi_sand.world.sleep.fall_asleep import wake
+from taichi_sand.world.tables import World, write_rows
+from taichi_sand.world.walls.joints import Part, join
+from taichi_sand.world.walls.motion import BLUR, JAMMED, TOLERANCES, Movers, allocate_movers, hours, set_out
+from taichi_sand.world.walls.polylines import Frame, clipped
+from taichi_sand.world.walls.segments import build_walls, cast_parts, edge_parts, fits, part_room, renumber, write_walls
+
+SIDES = ("left", "right", "bottom", "top")
+
+
+def wall_parts(scene: Any, unit: float) -> list[Part]:
+    """Edges and walls of `scene` in parts, where the smallest grain has diameter `unit` [m]. Those that stand still are joined with one
+    another, and cut off at the box; each that moves is joined with itself.
+    """
+    size, wraps = np.array(scene.size), np.array(scene.periodic)
+    walled = tuple(getattr(scene.edges, side) == "wall" for side in SIDES)
+    still = Frame(size, wraps, walled, unit, float(size[wraps].min() / 4) if wraps.any() else np.inf)
+    lines = [(piece, rough(wall)) for wall in scene.walls if not moving.moves(wall) for piece in clipped(moving.corners(wall), still)]
+    parts = edge_parts(scene.size, walled) + join(lines, still)
+    for mover, wall in enumerate(moving_walls(scene)):
+        free = still._replace(walled=(False,) * 4, wraps=wraps & (wall.spin == 0))
+        parts += join([(moving.corners(wall), rough(wall))], free, mover)
+    return parts
+
+
+def rough(wall: Any) -> float:
+    """Coefficient of friction of its own, < 0: it has none."""
+    return -1.0 if wall.friction is None else wall.friction
+
+
+def moving_walls(scene: Any) -> list[Any]:
+    """The [[walls]] that move."""
+    return [wall for wall in scene.walls if moving.moves(wall)]
+
+
+def standing_walls(world: World, scene: Any) -> list[np.ndarray]:
+    """Corners (n, 2) [m] of every one of the [[walls]] of `scene`, where it is now."""
+    times = iter(hours(world.movers)) if world.moves else iter(())
+    return [moving.corners(wall, next(times) if moving.moves(wall) else 0.0) for wall in scene.walls]
+
+
+def wall_segments(world: World, scene: Any) -> np.ndarray:
+    """The straight parts of the [[walls]] where they are now (m, 2, 2) [m], with those that are seen beyond periodic edges."""
+    return images(segments(standing_walls(world, scene)), scene.size, scene.periodic)
+
+
+def fastest_wall(scene: Any) -> float:
+    """Speed of the fastest point of a wall [m/s]."""
+    return max((moving.top_speed(wall) for wall in moving_walls(scene)), default=0.0)
+
+
+def shortest_shake(scene: Any) -> float:
+    """Shortest period with which a wall is shaken [s]; infinite if none is."""
+    return min((1 / wall.shake.frequency for wall in scene.walls if wall.shake), default=float("inf"))
+
+
+def wall_loads(scene: Any, pack: Pack) -> dict[str, float]:
+    """What walls with `force` load the grains of `pack` with, as members of a bed: spread over the columns of grains that a wall spans."""
+    driven, count = [wall for wall in scene.walls if wall.force], max(1, len(pack))
+    diameter = 2 * float(pack.size.mean()) if len(pack) else math.inf
+    columns = [min(count, max(1.0, moving.breadth(wall) / diameter)) for wall in driven]
+    thrust = max((wall.force / spread for wall, spread in zip(driven, columns, strict=True)), default=0.0)
+    energy = max((0.5 * (wall.mass or 0.0) * math.hypot(*wall.velocity) ** 2 for wall in driven), default=0.0)
+    return {"thrust": thrust, "ram": energy / count}
+
+
+def check_speeds(scene: Any, cap: float) -> None:
+    """SandError if a wall moves faster than can be followed, `cap` [m/s]."""
+    for index, wall in enumerate(scene.walls):
+        if moving.moves(wall) and (speed := moving.top_speed(wall)) > cap:
+            text = f"moves at up to {speed:.3g} m/s; with this step no more than {cap:.3g} m/s can be followed, a smaller one allows more"
+            raise scene.error(f"walls[{index}]", text)
+
+
+def set_patience(world: World, scene: Any) -> None:
+    """How deep grains may be pressed into a moving wall of `scene` before it slows down."""
+    if world.moves:
+        kind = scene.solver.kind
+        deep = max(JAMMED, TOLERANCES[kind] * scene.solver.tolerance)
+        world.movers.blur[None] = BLUR[kind]
+        world.movers.jam[None] = deep * world.box[None].diameter
+
+
+def lay_walls(
+    scene: Any,
+    parts: list[Part],
+    entries: list[np.ndarray],
+    sites: tuple[int, int],
+    room: int,
+    moving_room: int,
+    gpu: bool,
+    real: Any,
+) -> dict[str, Any]:
+    """Tables of still and moving walls, with room for `room` entries of still ones and for `moving_room` of others."""
+    walls = build_walls(parts, entries, real, room, moving_room)
+    movers = build_movers(scene, parts, walls, sites, gpu, real)
+    return {"walls": walls, "movers": movers, "moves": movers is not None}
+
+
+def build_movers(scene: Any, parts: list[Part], walls: Any, sites: tuple[int, int], gpu: bool, real: Any) -> Movers | None:
+    """The tables of the walls of `scene` that move; None if none does."""
+    found = moving_walls(scene)
+    if not found:
+        return None
+    count, entries = sum(part.mover >= 0 for part in parts), walls.part.shape[0] - walls.room
+    driven = any(wall.force for wall in found)
+    movers = allocate_movers(real, real if gpu else ti.f64, len(found), part_room(walls.room, parts), count, sites, entries, driven)
+    set_out(movers, found)
+    write_parts(movers, parts)
+    return movers
+
+
+def write_parts(movers: Movers, parts: list[Part]) -> None:
+    """Which parts move, and how they lie at time 0."""
+    those = [(number, part) for number, part in enumerate(parts) if part.mover >= 0]
+    pivots = movers.pivot.to_numpy()
+    write_rows(movers.wall, np.array([part.mover for part in parts] + [-1] * (movers.wall.shape[0] - len(parts))))
+    movers.parts[None] = len(those)
+    write_rows(movers.part, np.array([number for number, _ in those]))
+    write_rows(movers.home, np.array([[*(part.point - pivots[part.mover]), *part.along] for _, part in those]))
+    write_rows(movers.bounds, np.array([part.bounds for _, part in those]))
+    write_rows(movers.slopes, np.array([part.slopes for _, part in those]))
+    write_rows(movers.side, np.array([part.side for _, part in those]))
+
+
+def change_walls(world: World, before: Any, after: Any) -> None:
+    """Puts the walls of scene `after` in the place of those of `before`, for the next search; SandError if there is no room for them.
+
+    What grains carry on parts that stay is remembered.
+    """
+    box = world.box[None]
+    old, new = wall_parts(before, box.least), wall_parts(after, box.least)
+    reach = box.largest / 2 + MOST_REACH * box.diameter + box.bridge
+    entries = cast_parts(new, tuple(box.spacing), tuple(box.sites), reach, world.periodic)
+    if moving_walls(before) != moving_walls(after):
+        raise after.error("walls", "those that move must stay as they are while it runs")
+    if not fits(world.walls, new, entries):
+        rough = any(part.friction >= 0 for part in new) and not world.walls.rough
+        text = "friction of its own must be there from the start" if rough else "there is no room for so many walls in this simulation"
+        raise after.error("walls", text)
+    wake(world)
+    numbers = np.append(renumber(old, new), -1)
+    rows = world.pairs.second.to_numpy()
+    start = world.pace[None].half * world.half + world.wall_base
+    part = rows[start : start + world.wall_half]
+    part[:] = numbers[np.where((part >= 0) & (part < len(old)), part, len(old))]
+    world.pairs.second.from_numpy(rows)
+    write_walls(world.walls, new, entries)
+    if world.moves:
+        write_parts(world.movers, new)
+    world.pace[None].spent = 1
