@@ -82,7 +82,7 @@ def test_sums_and_order(arch: str) -> None:
 
     @ti.kernel
     def add_up():
-        prefix_sum.running_sums(column, sums, True)
+        prefix_sum.prefix_sum(column, sums, True)
 
     @ti.kernel
     def put_in_order():

@@ -86,7 +86,7 @@ def most_of_a_colour(size: tuple[float, float], width: float) -> int:
 
 
 def most_summed(layout: str, sleeps: bool, cells: int, capacity: int, sites: tuple[int, int]) -> int:
-    """Rows of the longest column that running sums are made of: of cells if they sort in parallel, of grains and sites if grains sleep."""
+    """Rows of the longest column that a prefix sum is made of: of cells if they sort in parallel, of grains and sites if grains sleep."""
     return max([1] + [cells + 2] * (layout == "cells") + [capacity, site_rows(sites)] * sleeps)
 
 

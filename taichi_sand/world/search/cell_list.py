@@ -13,7 +13,7 @@ from taichi_sand.world.clumps import head
 from taichi_sand.world.extras.grain_columns import sort_along
 from taichi_sand.world.flags import ESCAPED, NOWHERE, flag
 from taichi_sand.world.geometry import position, present, velocity
-from taichi_sand.world.search.prefix_sum import put_in_order, running_sums, scratch_rows
+from taichi_sand.world.search.prefix_sum import prefix_sum, put_in_order, scratch_rows
 from taichi_sand.world.sinks import drain
 from taichi_sand.world.tables import ABREAST, STRIPS
 
@@ -22,7 +22,7 @@ class Grid(NamedTuple):
     """Cells, and what the sort needs."""
 
     start: Any  # first slot of each cell, shape (cells + 2,), i32
-    sums: Any  # scratch for running sums
+    sums: Any  # scratch for prefix sums
     cell: Any  # cell of each grain, before the sort by its old slot, i32
     source: Any  # the slot that each grain had before the sort, i32
     columns: Any  # cells along x, 0-D i32
@@ -34,7 +34,7 @@ class Grid(NamedTuple):
 
 
 def allocate_grid(real: Any, capacity: int, cells: int, summed: int) -> Grid:
-    """Empty grid for up to `cells` cells, with scratch for the running sums of up to `summed` rows."""
+    """Empty grid for up to `cells` cells, with scratch for the prefix sums of up to `summed` rows."""
     return Grid(
         start=field_pool.scalars(ti.i32, cells + 2),
         sums=field_pool.scalars(ti.i32, scratch_rows(summed)),
@@ -182,7 +182,7 @@ def count_abreast(w: ti.template()):
         grid.start[c] = 0
     for i in range(present(w)):
         grid.whole[i][0] = ti.atomic_add(grid.start[grid.cell[i]], 1)
-    running_sums(grid.start, grid.sums, True)
+    prefix_sum(grid.start, grid.sums, True)
     for i in range(present(w)):
         grid.source[grid.start[grid.cell[i]] + grid.whole[i][0]] = i
     for c in range(cell_count(w)):

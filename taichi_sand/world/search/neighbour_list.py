@@ -15,7 +15,7 @@ from taichi_sand.world.search.cell_list import anchor, cell_count, cell_of, cut_
 from taichi_sand.world.search.growth import PAIRS, WALLS, lack
 from taichi_sand.world.search.large_grains import is_boulder, list_boulders
 from taichi_sand.world.search.pair_history import carry
-from taichi_sand.world.search.prefix_sum import running_sums
+from taichi_sand.world.search.prefix_sum import prefix_sum
 from taichi_sand.world.search.wall_candidates import list_walls
 from taichi_sand.world.sleep.state import call, call_by_walls, settle, site_of, translate
 from taichi_sand.world.tables import CHUNK, FAR, SPARE, STRIPS
@@ -166,8 +166,8 @@ def share_out(w: ti.template()):
                     pairs = list_sleepers(w, i, pairs, 0, 0)
                 walls = list_walls(w, i, walls, 0, False)
         blocks.pair_end[b], blocks.wall_end[b] = pairs, walls
-    running_sums(blocks.pair_end, w.grid.sums, True)
-    running_sums(blocks.wall_end, w.grid.sums, True)
+    prefix_sum(blocks.pair_end, w.grid.sums, True)
+    prefix_sum(blocks.wall_end, w.grid.sums, True)
 
 
 @ti.func

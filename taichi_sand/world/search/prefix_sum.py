@@ -1,4 +1,4 @@
-"""What a GPU needs to sort: running sums of a column, and rows put in order, both in parallel and to the same bits every time.
+"""What a GPU needs to sort: prefix sums of a column, and rows put in order, both in parallel and to the same bits every time.
 
 A loop on one thread, which on a CPU is the fastest way, takes a GPU some microsecond a row.
 """
@@ -27,7 +27,7 @@ def scratch_rows(rows: int) -> int:
 
 
 @ti.func
-def running_sums(column: ti.template(), sums: ti.template(), parallel: ti.template()):
+def prefix_sum(column: ti.template(), sums: ti.template(), parallel: ti.template()):
     """Every row of `column` becomes the sum of the rows before it; `sums` is scratch. To be called at the top level of a kernel."""
     levels = ti.static(levels_of(column.shape[0]))
     for level in ti.static(range(len(levels))):

@@ -8,7 +8,7 @@ from taichi_sand.world.extras.grain_columns import move_along
 from taichi_sand.world.geometry import add, perp, position, wall_row
 from taichi_sand.world.search.cell_list import permute
 from taichi_sand.world.search.neighbour_list import search_now
-from taichi_sand.world.search.prefix_sum import put_in_order, running_sums
+from taichi_sand.world.search.prefix_sum import prefix_sum, put_in_order
 from taichi_sand.world.sleep.state import ASLEEP, MOST_PRICE, home, shake, site_of, sleeper_block, tired
 from taichi_sand.world.sleep.wake import bury_now, stir_now
 from taichi_sand.world.sweep import always, sweep_cells
@@ -125,8 +125,8 @@ def choose(w: ti.template(), patience):
             naps.slot[i], scratch[i][0] = ti.cast(not quiet, ti.i32), -1
             if quiet:  # how many of its site before it
                 scratch[i][0] = ti.atomic_add(naps.start[home(w, i)], 1)
-    running_sums(naps.slot, w.grid.sums, w.layout == "cells")
-    running_sums(naps.start, w.grid.sums, w.layout == "cells")
+    prefix_sum(naps.slot, w.grid.sums, w.layout == "cells")
+    prefix_sum(naps.start, w.grid.sums, w.layout == "cells")
     awake = naps.slot[w.capacity - 1]  # that slot is empty
     ti.loop_config(serialize=w.layout != "cells")
     for site in range(naps.start.shape[0]):
@@ -172,8 +172,8 @@ def freeze(w: ti.template()):
                     naps.row_count[k] = naps.row_count[k] + 1
             naps.wall_row_count[k] = pairs.wall_row_count[at]
         naps.row_start[k], naps.wall_row_start[k] = naps.row_count[k], naps.wall_row_count[k]
-    running_sums(naps.row_start, w.grid.sums, w.layout == "cells")
-    running_sums(naps.wall_row_start, w.grid.sums, w.layout == "cells")
+    prefix_sum(naps.row_start, w.grid.sums, w.layout == "cells")
+    prefix_sum(naps.wall_row_start, w.grid.sums, w.layout == "cells")
     b, row, wall_row = sleeper_block(w), 2 * w.half, 2 * w.half + w.wall_base
     w.blocks.pair_start[b], w.blocks.pair_end[b] = row, row + naps.row_start[w.capacity - 1]
     w.blocks.wall_start[b], w.blocks.wall_end[b] = wall_row, wall_row + naps.wall_row_start[w.capacity - 1]
