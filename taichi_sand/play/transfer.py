@@ -47,7 +47,7 @@ def hand_over(old: Simulation, new: Simulation, moment: Snapshot, scene: Scene) 
     """Gives `new` the grains, walls and pairs of `old`, whose moment this is; pairs keep their force, and what both solvers know. It goes
     on with the numbers of `scene`, which is of its structure.
 
-    Nobody may sleep in `old`: sleepers have laid by what moves them.
+    Nobody may sleep in `old`: what moves sleepers is stored elsewhere.
     """
     new.take_room(rooms_of(old.world))
     change_walls(new.world, new.scene, old.scene)

@@ -206,7 +206,7 @@ def mark(w: ti.template(), s: ti.template(), i, moved):
 
 @ti.func
 def follow(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
-    """Looks at pair p where impacts of this step have moved its grains to, and lays by there what it carries."""
+    """Looks at pair p where impacts of this step have moved its grains to, and stores there what it carries."""
     marks = s.struck[w.pairs.first[p]]
     if ti.static(not wall):
         marks |= s.struck[w.pairs.second[p]]
@@ -216,7 +216,7 @@ def follow(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.tem
 
 @ti.func
 def carry_over(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
-    """Looks at pair p where its grains are now, and lays by there what it carries, no longer where they were."""
+    """Looks at pair p where its grains are now, and stores there what it carries, no longer where they were."""
     i = w.pairs.first[p]
     j = i if ti.static(wall) else w.pairs.second[p]
     carried = w.pairs.force[p] * c.step

@@ -169,7 +169,7 @@ def load_of(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, carri
 
 
 @ti.func
-def lay_by(w: ti.template(), s: ti.template(), c: ti.template(), p, carried, wall: ti.template(), anew: ti.template()):
+def store_impulse(w: ti.template(), s: ti.template(), c: ti.template(), p, carried, wall: ti.template(), anew: ti.template()):
     """Adds the impulse that pair p carries to what its grains start the next step with; `anew` in every step, once."""
     g = ti.static(w.grains)
     if carried.x != 0.0:

@@ -17,7 +17,7 @@ import taichi as ti
 from taichi_sand.solvers.bed import Bed
 from taichi_sand.solvers.flights import flight
 from taichi_sand.solvers.impacts import collide_all, guess
-from taichi_sand.solvers.impulses import arms, cone, give, lay_by, look, lowest, meeting, resist_rolling, slip_by, slip_of
+from taichi_sand.solvers.impulses import arms, cone, give, look, lowest, meeting, resist_rolling, slip_by, slip_of, store_impulse
 from taichi_sand.solvers.tolerance import rigid_numbers
 from taichi_sand.taichi_support import field_pool
 from taichi_sand.world.extras.energy_ledger import settle_work
@@ -105,11 +105,11 @@ def kick(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
 def move(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
     """Drift, as the grain function of a sweep; clears the impulses for the sweep that follows."""
     drift(w, start, end)
-    lay_nothing_by(w, s, c, start, end)
+    clear_stored_impulse(w, s, c, start, end)
 
 
 @ti.func
-def lay_nothing_by(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
+def clear_stored_impulse(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
     """Clears the impulses, as a grain function of a sweep."""
     for i in range(start, end):
         w.grains.wrench[i] = ti.Vector([0.0, 0.0, 0.0, 0.0])
@@ -186,18 +186,18 @@ def solve(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.temp
 
 @ti.func
 def relax(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
-    """Second sweep, where the grains have moved to; lays by what the pair carries for the next step."""
+    """Second sweep, where the grains have moved to; stores what the pair carries for the next step."""
     if not apart(w, p, wall):
         keep(w, s, c, p, project(w, s, c, p, wall, False, False), wall)
 
 
 @ti.func
 def keep(w: ti.template(), s: ti.template(), c: ti.template(), p, carried, wall: ti.template()):
-    """Lays by the impulse that pair p carries for the next step."""
+    """Stores the impulse that pair p carries for the next step."""
     goal = ti.select(touches(w, p), REFERENCE_SHARE * at_least(0.0, carried.x) * c.rate, 0.0)
     crept = s.reference[p] + c.reference_rate * (goal - s.reference[p])
     s.reference[p] = ti.select(crept < goal, crept, goal)
-    lay_by(w, s, c, p, carried, wall, True)
+    store_impulse(w, s, c, p, carried, wall, True)
     pairs = ti.static(w.pairs)
     gap, felt = pairs.gap[p], 0.0
     if ti.static(w.moves):
@@ -250,22 +250,22 @@ def relax_driven(w: ti.template(), s: ti.template(), c: ti.template(), p):
 
 @ti.func
 def keep_driven(w: ti.template(), s: ti.template(), c: ti.template(), p):
-    """Lays by what it carries."""
+    """Stores what the pair of a wall with `force` carries."""
     keep(w, s, c, p, w.pairs.force[p] * c.step, True)
 
 
 @ti.func
-def lay_by_again(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
+def store_impulse_again(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
     """The same for what the pair carried last, as a pair function of a sweep."""
-    lay_by(w, s, c, p, w.pairs.force[p] * c.step, wall, False)
+    store_impulse(w, s, c, p, w.pairs.force[p] * c.step, wall, False)
 
 
 @ti.func
 def renew(w: ti.template(), s: ti.template()):
     """What the grains start the next step with, from the pairs there are: after grains, walls or the step have been changed by hand."""
     c = s.constants[None]
-    each_grain(w, lay_nothing_by, s, c)
-    sweep(w, (lay_by_again,), nothing, s, c, going)
+    each_grain(w, clear_stored_impulse, s, c)
+    sweep(w, (store_impulse_again,), nothing, s, c, going)
 
 
 @ti.func

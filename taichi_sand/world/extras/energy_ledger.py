@@ -42,7 +42,7 @@ def settle_work(w: ti.template(), s: ti.template(), i, impulse, change):
 
 @ti.func
 def set_off(w: ti.template(), s: ti.template(), i, j, first, second, wall: ti.template()):
-    """The pair of i and j lays by the impulses `first` on i and `second` on j, which `settle_work` will book grain by grain."""
+    """The pair of i and j stores the impulses `first` on i and `second` on j, which `settle_work` will book grain by grain."""
     if ti.static(s.books and not wall):
         one, two = first.dot(w.grains.twist[i]), second.dot(w.grains.twist[j])
         book(w, s, i, one)

@@ -1,4 +1,4 @@
-"""Waking and falling asleep: the grains are rearranged, and the pairs of those who sleep are laid by."""
+"""Waking and falling asleep: the grains are rearranged, and the pairs of sleepers are put aside."""
 
 from typing import Any
 

@@ -204,7 +204,7 @@ def bear(
     first: ti.template(),
 ):
     """Ends a sweep of impulses: solves the contacts of the walls with `force`, all those of one wall together with the rate at which it
-    runs, and then has them lay by what they carry: solve(w, s, c, p), keep(w, s, c, p).
+    runs, and then has them store what they carry: solve(w, s, c, p), keep(w, s, c, p).
 
     In the first sweep that is the rate at which it moves, in the second one the rate at which it starts into the next step.
     """
