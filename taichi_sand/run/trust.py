@@ -137,7 +137,7 @@ INDICES: dict[str, tuple[Bound, Bound] | str] = {
     "naps.state:moved": FLAG,
     "naps.state:due": FLAG,
     "naps.state:seen": (0, LATEST),
-    **{f"pace:{name}": FLAG for name in ("strayed", "spent", "impacts", "guess", "hit", "half", "short", "hasty", "moved")},
+    **{f"pace:{name}": FLAG for name in ("strayed", "spent", "impacts", "warm_start", "hit", "half", "short", "hasty", "moved")},
     **{f"pace:{name}": (0, LATEST) for name in ("since", "done", "searches", "round")},
     "pace:lacking": SAME,
     "pace:watch": SAME,

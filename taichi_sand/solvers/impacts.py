@@ -232,10 +232,10 @@ def carry_over(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti
 
 
 @ti.func
-def guess(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
+def warm_start(w: ti.template(), s: ti.template(), c: ti.template(), start, end):
     """After the impacts: the contact impulses of the step before, where the kick has left them out."""
     g = ti.static(w.grains)
-    if w.pace[None].guess == 1:
+    if w.pace[None].warm_start == 1:
         for i in range(start, end):
             change = g.wrench[i] * g.mobility[i]
             settle_work(w, s, i, g.wrench[i], change - wrench(w.box[None].gravity * c.step, 0.0) * movable(w, i))

@@ -16,7 +16,7 @@ import taichi as ti
 
 from taichi_sand.solvers.bed import Bed
 from taichi_sand.solvers.flights import flight
-from taichi_sand.solvers.impacts import collide_all, guess
+from taichi_sand.solvers.impacts import collide_all, warm_start
 from taichi_sand.solvers.impulses import arms, cone, give, look, lowest, meeting, resist_rolling, slip_by, slip_of, store_impulse
 from taichi_sand.solvers.tolerance import rigid_numbers
 from taichi_sand.taichi_support import field_pool
@@ -277,15 +277,15 @@ def step(w: ti.template(), s: ti.template(), impacts: ti.template()):
     pull_links(w, s, c, going, True)
     if ti.static(impacts):
         if w.pace[None].spent == 0:
-            w.pace[None].guess = w.pace[None].impacts
+            w.pace[None].warm_start = w.pace[None].impacts
             w.pace[None].round = 1
             w.pace[None].moved = 0
         each_grain(w, kick, s, c)
         collide_all(w, s, c)
     if ti.static(sweeps_join(w)):
-        sweep_twice(w, guess if ti.static(impacts) else kick, (solve,), move, (look, relax), s, going)
+        sweep_twice(w, warm_start if ti.static(impacts) else kick, (solve,), move, (look, relax), s, going)
     else:
-        each_grain(w, guess if ti.static(impacts) else kick, s, c)
+        each_grain(w, warm_start if ti.static(impacts) else kick, s, c)
         if ti.static(drives(w)):
             sweep(w, (solve,), nothing, s, c, going)
             bear(w, s, press_softly, solve_driven, nobody, True)

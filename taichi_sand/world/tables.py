@@ -164,7 +164,7 @@ def pace_type(real: Any) -> Any:
         strayed=ti.i32,  # 1 = a grain, or a wall that moves, is off its foreseen path by half the skin
         spent=ti.i32,  # 1 = search before the next step
         impacts=ti.i32,  # rigid: 1 = some pair may collide in this step
-        guess=ti.i32,  # rigid: 1 = the impulses carried over are yet to be applied in this step
+        warm_start=ti.i32,  # rigid: 1 = the impulses carried over are yet to be applied in this step
         hit=ti.i32,  # rigid: 1 = some pair did, in the last round
         moved=ti.i32,  # rigid: 1 = impacts of this step have moved grains ahead
         round=ti.i32,  # rigid: the round of impacts in this step, from 1 on
