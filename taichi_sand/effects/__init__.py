@@ -41,7 +41,7 @@ HOOKS = {
         "store": "(w, p, energy): pair p now holds this much elastic energy [J], effects included; returns what it held before",
     },
     "rigid": {
-        "floor": "(w, c, p, gap, middle): lowest normal impulse [N s], for the gap now and amid the step; 0, 0 at an impact",
+        "min_normal_impulse": "(w, c, p, gap, middle): lowest normal impulse [N s], for the gap now and amid the step; 0, 0 at an impact",
         "cone": "(w, c, p, wall, normal): largest tangential impulse of pair p for a normal one [N s]",
         "spin_cone": "(w, c, p, normal, radius): largest angular impulse [N m s]; the column `torque` keeps what is carried [N m]",
     },

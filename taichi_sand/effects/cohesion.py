@@ -57,7 +57,7 @@ class Cohesion:
         return ti.select(self.bridge[p] > 0.0, c.cohesion_bond * w.box[None].weight * way, 0.0)
 
     @ti.func
-    def floor(self, w: ti.template(), c: ti.template(), p, gap, middle):
+    def min_normal_impulse(self, w: ti.template(), c: ti.template(), p, gap, middle):
         """Lowest normal impulse."""
         return -c.step * self.pull(w, c, p, gap, middle)
 

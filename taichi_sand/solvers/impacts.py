@@ -5,7 +5,7 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.solvers.flights import go_on, move_on, relative_gravity, shares, time_to_touch
-from taichi_sand.solvers.impulses import arms, cone, give, load_of, look, lowest, meeting, slip_by, slip_of, tangential_mass
+from taichi_sand.solvers.impulses import arms, cone, give, load_of, look, meeting, min_normal_impulse, slip_by, slip_of, tangential_mass
 from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.extras.energy_ledger import drive, settle_work
 from taichi_sand.world.geometry import add, at_least, at_most, movable, within, wrench
@@ -178,7 +178,7 @@ def bounce(
         impulse.y = within(bound, -tangential_mass(w, i, j, arm_i, arm_j, wall) * slip)
     give(w, s, i, j, impulse, normal, arm_i, arm_j, lever, False, wall)
     drive(w, s, p, gap + w.pairs.contact_distance[p], normal, impulse, wall)
-    lowest(w, s, c, p, 0.0, 0.0)  # they touch
+    min_normal_impulse(w, s, c, p, 0.0, 0.0)  # they touch
     w.pace[None].hit = 1
     return impulse
 

@@ -132,12 +132,12 @@ def cone(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.templ
 
 
 @ti.func
-def lowest(w: ti.template(), s: ti.template(), c: ti.template(), p, gap, middle):
+def min_normal_impulse(w: ti.template(), s: ti.template(), c: ti.template(), p, gap, middle):
     """Lowest normal impulse, from the gap now and in the middle of the step: 0, or less where an effect can pull."""
     low = 0.0
     for effect in ti.static(s.effects):
-        if ti.static(hasattr(effect, "floor")):
-            low += effect.floor(w, c, p, gap, middle)
+        if ti.static(hasattr(effect, "min_normal_impulse")):
+            low += effect.min_normal_impulse(w, c, p, gap, middle)
     return low
 
 

@@ -17,7 +17,18 @@ import taichi as ti
 from taichi_sand.solvers.bed import Bed
 from taichi_sand.solvers.flights import flight
 from taichi_sand.solvers.impacts import collide_all, warm_start
-from taichi_sand.solvers.impulses import arms, cone, give, look, lowest, meeting, resist_rolling, slip_by, slip_of, store_impulse
+from taichi_sand.solvers.impulses import (
+    arms,
+    cone,
+    give,
+    look,
+    meeting,
+    min_normal_impulse,
+    resist_rolling,
+    slip_by,
+    slip_of,
+    store_impulse,
+)
 from taichi_sand.solvers.tolerance import rigid_numbers
 from taichi_sand.taichi_support import field_pool
 from taichi_sand.world.extras.energy_ledger import settle_work
@@ -129,7 +140,7 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     pairs = ti.static(w.pairs)
     i, j, normal, gap, motion, lever, speed = meeting(w, p, wall)
     carried = pairs.force[p] * c.step
-    low = lowest(w, s, c, p, gap, gap + ti.static(0.5 if soft else -0.5) * c.step * speed)
+    low = min_normal_impulse(w, s, c, p, gap, gap + ti.static(0.5 if soft else -0.5) * c.step * speed)
     held = carried.x != 0.0 or low < 0.0
     due = held or speed * c.step + gap < 0.0
     if ti.static(not soft):  # faster approaches are left to the impacts of the next step
