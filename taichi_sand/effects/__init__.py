@@ -42,8 +42,8 @@ HOOKS = {
     },
     "rigid": {
         "min_normal_impulse": "(w, c, p, gap, middle): lowest normal impulse [N s], for the gap now and amid the step; 0, 0 at an impact",
-        "cone": "(w, c, p, wall, normal): largest tangential impulse of pair p for a normal one [N s]",
-        "spin_cone": "(w, c, p, normal, radius): largest angular impulse [N m s]; the column `torque` keeps what is carried [N m]",
+        "friction_bound": "(w, c, p, wall, normal): largest tangential impulse of pair p for a normal one [N s]",
+        "rolling_bound": "(w, c, p, normal, radius): largest angular impulse [N m s]; the column `torque` keeps what is carried [N m]",
     },
     "both": {
         "heat": "(w, i, energy): contacts have turned so much energy of motion into heat of grain i [J]; see world.ledger",

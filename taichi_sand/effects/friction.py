@@ -88,7 +88,7 @@ class Friction:
         return energy
 
     @ti.func
-    def cone(self, w: ti.template(), c: ti.template(), p, wall: ti.template(), normal):
+    def friction_bound(self, w: ti.template(), c: ti.template(), p, wall: ti.template(), normal):
         """Largest tangential impulse for a normal one."""
         return self.coefficient(w, c, p, wall) * normal
 

@@ -56,7 +56,7 @@ class Rolling:
         self.torque[p] *= force
 
     @ti.func
-    def spin_cone(self, w: ti.template(), c: ti.template(), p, normal, radius):
+    def rolling_bound(self, w: ti.template(), c: ti.template(), p, normal, radius):
         """Largest angular impulse for a normal one."""
         return c.rolling_mu * radius * normal
 

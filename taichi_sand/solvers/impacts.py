@@ -5,7 +5,18 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.solvers.flights import go_on, move_on, relative_gravity, shares, time_to_touch
-from taichi_sand.solvers.impulses import arms, cone, give, load_of, look, meeting, min_normal_impulse, slip_by, slip_of, tangential_mass
+from taichi_sand.solvers.impulses import (
+    arms,
+    friction_bound,
+    give,
+    load_of,
+    look,
+    meeting,
+    min_normal_impulse,
+    slip_by,
+    slip_of,
+    tangential_mass,
+)
 from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.extras.energy_ledger import drive, settle_work
 from taichi_sand.world.geometry import add, at_least, at_most, movable, within, wrench
@@ -174,7 +185,7 @@ def bounce(
     impulse = ti.Vector([(1.0 + c.restitution) * mass * at_least(0.0, 0.5 * pull.dot(normal) * c.step - speed), 0.0])
     if ti.static(w.turns):
         slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall) + slip_by(w, i, j, impulse.x, arm_i, arm_j, lever, wall)
-        bound = cone(w, s, c, p, wall, impulse.x)
+        bound = friction_bound(w, s, c, p, wall, impulse.x)
         impulse.y = within(bound, -tangential_mass(w, i, j, arm_i, arm_j, wall) * slip)
     give(w, s, i, j, impulse, normal, arm_i, arm_j, lever, False, wall)
     drive(w, s, p, gap + w.pairs.contact_distance[p], normal, impulse, wall)

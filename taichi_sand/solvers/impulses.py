@@ -122,12 +122,12 @@ def give(w: ti.template(), s: ti.template(), i, j, impulse, normal, arm_i, arm_j
 
 
 @ti.func
-def cone(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template(), normal):
+def friction_bound(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template(), normal):
     """Largest tangential impulse for a normal one."""
     bound = 0.0
     for effect in ti.static(s.effects):
-        if ti.static(hasattr(effect, "cone")):
-            bound += effect.cone(w, c, p, wall, normal)
+        if ti.static(hasattr(effect, "friction_bound")):
+            bound += effect.friction_bound(w, c, p, wall, normal)
     return bound
 
 
@@ -143,12 +143,12 @@ def min_normal_impulse(w: ti.template(), s: ti.template(), c: ti.template(), p, 
 
 @ti.func
 def resist_rolling(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, normal, wall: ti.template()):
-    """Solves pair p for its angular impulses, each within its cone."""
+    """Solves pair p for its angular impulses, each within its bound."""
     for effect in ti.static(s.effects):
-        if ti.static(hasattr(effect, "spin_cone")):
+        if ti.static(hasattr(effect, "rolling_bound")):
             roll, radius, inertia = rolling(w, p, i, j, wall)
             carried = effect.torque[p] * c.step
-            new = within(effect.spin_cone(w, c, p, normal, radius), carried - inertia * roll)
+            new = within(effect.rolling_bound(w, c, p, normal, radius), carried - inertia * roll)
             strike(w, s, i, j, -couple(new - carried), couple(new - carried), False, wall)
             effect.torque[p] = new * c.rate
 
@@ -162,7 +162,7 @@ def load_of(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, carri
     taken, given = torques(w, carried, arm_i, arm_j, lever)
     first, second = -wrench(push, taken), wrench(push, given)
     for effect in ti.static(s.effects):
-        if ti.static(hasattr(effect, "spin_cone")):
+        if ti.static(hasattr(effect, "rolling_bound")):
             first -= couple(effect.torque[p] * c.step)
             second += couple(effect.torque[p] * c.step)
     return first, second

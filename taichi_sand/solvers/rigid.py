@@ -19,7 +19,7 @@ from taichi_sand.solvers.flights import flight
 from taichi_sand.solvers.impacts import collide_all, warm_start
 from taichi_sand.solvers.impulses import (
     arms,
-    cone,
+    friction_bound,
     give,
     look,
     meeting,
@@ -163,7 +163,7 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
         arm_i, arm_j = arms(w, i, j, gap, lever, wall)
         if ti.static(w.turns):
             slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall) + slip_by(w, i, j, new.x - carried.x, arm_i, arm_j, lever, wall)
-            bound = ti.select(gap < NEAR * pairs.contact_distance[p], cone(w, s, c, p, wall, new.x - low), 0.0)
+            bound = ti.select(gap < NEAR * pairs.contact_distance[p], friction_bound(w, s, c, p, wall, new.x - low), 0.0)
             new.y = within(bound, carried.y - pairs.mass_t[p] * slip)
         if ti.static(not trial):
             give(w, s, i, j, new - carried, normal, arm_i, arm_j, lever, ti.static(not soft), wall)

@@ -10,7 +10,7 @@ from taichi_sand.scene.schema import Scene
 
 LOOPS = {
     **dict.fromkeys(("normal", "tangent", "couple", "touch", "release", "store"), "pairs"),
-    **dict.fromkeys(("min_normal_impulse", "cone", "spin_cone"), "pairs, twice"),
+    **dict.fromkeys(("min_normal_impulse", "friction_bound", "rolling_bound"), "pairs, twice"),
     **dict.fromkeys(("link", "snap", "kept"), "links"),
     "body": "grains",
     "heat": "pairs and grains",
