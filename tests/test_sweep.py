@@ -115,7 +115,7 @@ PARAMETERS = (Parameter("bad", "no", "what goes wrong", choices=("no", "crash", 
 SOLVERS = ("rigid",)
 class Poison:
     interval = 0.01
-    def between(self, world, solver): pass
+    def on_pause(self, world, solver): pass
 def build(values, columns, solver):
     if values["bad"] == "crash": os.kill(os.getpid(), 11)
     if values["bad"] == "error": raise ValueError("poison")

@@ -7,7 +7,7 @@ how far apart grains act on one another, in mean diameters, links(values, grains
 (n, 2), longest_step(values, world), up to which it is stable [s], pull(values), by which it holds grains together at most, in weights of
 a mean grain, push(values, world), by which it presses a mean grain against others at most [N], and misfit(scene), why it does not fit
 a scene, or "".
-build(values, columns, solver) makes the object whose methods are the hooks. HOOKS is the closed list of them; all but `between` are
+build(values, columns, solver) makes the object whose methods are the hooks. HOOKS is the closed list of them; all but `on_pause` are
 ti.funcs that the solver folds into its own kernels. Their argument w is the world, c the numbers of the solver and the live parameters
 (`mu` of friction is c.friction_mu), p a row of the pair table.
 """
@@ -51,8 +51,8 @@ HOOKS = {
         "snap": "(w, c, k): breaks link k by w.links.whole[k] = 0, or not; the impulse on its second grain with which it breaks [N s]",
         "kept": "(w, c, k): elastic energy that link k, which is whole, holds [J]; asked for if some effect has `heat`",
         "body": "(w, c, i): force and torque on grain i in every step, as a wrench [N, N, N m, 0]",
-        "watch": "(w, s): within a launch, between two steps, every `interval` seconds, the least of all that watch; s is the solver",
-        "between": "(world, solver): Python, between launches, every `interval` seconds of simulated time",
+        "on_step": "(w, s): within a launch, between two steps, every `interval` seconds, the least of all effects with this hook; s is the solver",
+        "on_pause": "(world, solver): Python, between launches, every `interval` seconds of simulated time",
     },
 }
 """What an effect may do, by the solver that calls it; anything else in an effect is not called."""

@@ -46,14 +46,14 @@ class Heat:
         self.held[p] = energy
         return before
 
-    def between(self, world: Any, solver: Any) -> None:
+    def on_pause(self, world: Any, solver: Any) -> None:
         """Turns the energy booked since the last call into temperatures, and lets heat flow."""
         warm(world, solver)
 
 
 @ti.kernel
 def warm(w: ti.template(), s: ti.template()):
-    """One pause of INTERVAL: see `Heat.between`. Pair by pair, so that it is stable at any rate and nothing is lost."""
+    """One pause of INTERVAL: see `Heat.on_pause`. Pair by pair, so that it is stable at any rate and nothing is lost."""
     c = s.constants[None]
     time = ti.max(1.0, ti.floor(INTERVAL / c.step)) * c.step
     share = 1.0 - ti.exp(-c.heat_conduction * time)

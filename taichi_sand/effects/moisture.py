@@ -39,7 +39,7 @@ class Moisture:
 
     interval = INTERVAL
 
-    def between(self, world: Any, solver: Any) -> None:
+    def on_pause(self, world: Any, solver: Any) -> None:
         """Moves the water, and wakes sleepers whose bridges have changed."""
         flow(world, solver)
 

@@ -10,7 +10,7 @@ change of gravity or of a parameter. Grains of several discs sleep as discs do. 
 from dataclasses import dataclass
 
 from taichi_sand.scene.parameters import Parameter
-from taichi_sand.world.sleep.state import watch
+from taichi_sand.world.sleep import state
 
 PARAMETERS = (
     Parameter("speed", 1e-3, "below it a grain is still", "sqrt(g d)", low=0.0, high=0.1),
@@ -28,7 +28,7 @@ class Sleeping:
     """The effect: it looks who is still and who is out of balance; the march then rearranges the grains."""
 
     interval = 1 / 60
-    watch = staticmethod(watch)
+    on_step = staticmethod(state.on_step)
 
 
 def build(values: dict, columns: tuple, solver: str) -> Sleeping:

@@ -110,7 +110,7 @@ class Simulation(Growing, Tuning, Looking, Keeping, Readings):
         if self.rooms == NO_ROOMS:  # tables that grow keep their numbers
             check_speeds(scene, self.numbers["speed_cap"])
         self.solver = field_pool.same(solver.build(scene, self.numbers, effect_modules.live(self.effects), own, tuple(built), self.world))
-        self.pausing = [effect for effect in built if hasattr(effect, "between")]
+        self.pausing = [effect for effect in built if hasattr(effect, "on_pause")]
         """Effects that act between launches."""
 
     def _start_steps(self) -> None:
@@ -223,7 +223,7 @@ class Simulation(Growing, Tuning, Looking, Keeping, Readings):
 
     def _pauses(self) -> list[tuple[Callable[[Any, Any], None], int]]:
         """What acts between launches, and after how many steps each."""
-        pauses = [(effect.between, max(1, math.floor(effect.interval / self.step))) for effect in self.pausing]
+        pauses = [(effect.on_pause, max(1, math.floor(effect.interval / self.step))) for effect in self.pausing]
         if self.scene.sources:
             pauses.append((self._pour, sources.steps_between(self.step)))
         return pauses
@@ -274,7 +274,9 @@ class Simulation(Growing, Tuning, Looking, Keeping, Readings):
     def _set_pace(self) -> None:
         for name in ("step", "speed_cap", "alert", "deep", "growth", "settling", "spare"):
             setattr(self.world.pace[None], name, self.numbers.get(name, 0.0))
-        self.world.pace[None].watch = min((max(1, math.floor(e.interval / self.step)) for e in stepping.watchers(self.solver)), default=0)
+        self.world.pace[None].on_step = min(
+            (max(1, math.floor(e.interval / self.step)) for e in stepping.step_effects(self.solver)), default=0
+        )
         set_patience(self.world, self.scene)
 
     def _march(self, count: int) -> None:

@@ -68,16 +68,16 @@ def start_anew(w: ti.template(), s: ti.template()):
         s.renew(w, s)
 
 
-def watchers(solver: Any) -> list[Any]:
-    """Effects that watch the grains as they move."""
-    return [effect for effect in solver.effects if hasattr(effect, "watch")]
+def step_effects(solver: Any) -> list[Any]:
+    """Effects with the hook `on_step`."""
+    return [effect for effect in solver.effects if hasattr(effect, "on_step")]
 
 
 @ti.func
-def watch(w: ti.template(), s: ti.template()):
+def on_step(w: ti.template(), s: ti.template()):
     """Lets these effects look."""
-    for effect in ti.static(watchers(s)):
-        effect.watch(w, s)
+    for effect in ti.static(step_effects(s)):
+        effect.on_step(w, s)
 
 
 @ti.func
@@ -116,9 +116,9 @@ def steps_in_one(w: ti.template(), s: ti.template(), steps: ti.i32, most: ti.i32
             if going_on(w, end) and not called(w) and w.pace[None].lacking == 0:
                 s.step(w, s, True)
                 close_step(w)
-                if ti.static(len(watchers(s)) > 0):
-                    if w.pace[None].done % w.pace[None].watch == 0:
-                        watch(w, s)
+                if ti.static(len(step_effects(s)) > 0):
+                    if w.pace[None].done % w.pace[None].on_step == 0:
+                        on_step(w, s)
         if drowsy(w):
             why = DROWSY
         if w.pace[None].lacking != 0:
@@ -134,9 +134,9 @@ def step_alone(w: ti.template(), s: ti.template(), impacts: ti.template()):
 
 
 @ti.kernel
-def watch_alone(w: ti.template(), s: ti.template()):
+def on_step_alone(w: ti.template(), s: ti.template()):
     """Lets effects look, between steps."""
-    watch(w, s)
+    on_step(w, s)
 
 
 @ti.kernel
@@ -206,11 +206,11 @@ def march_in_one(sim: Any, done: int, end: int) -> None:
 
 def march_alone(sim: Any, done: int, end: int) -> None:
     """The same with launches of single steps."""
-    every, looked, start, before = now(sim.world.pace, "watch"), done, time.perf_counter(), done
+    every, looked, start, before = now(sim.world.pace, "on_step"), done, time.perf_counter(), done
     while True:
         spent, done, hasty = progress(sim.world)
         if every and done % every == 0 and done != looked:
-            watch_alone(sim.world, sim.solver)
+            on_step_alone(sim.world, sim.solver)
             looked = done
         if spent:
             search_whole(sim)

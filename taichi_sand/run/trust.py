@@ -140,7 +140,7 @@ INDICES: dict[str, tuple[Bound, Bound] | str] = {
     **{f"pace:{name}": FLAG for name in ("strayed", "spent", "impacts", "warm_start", "hit", "half", "short", "hasty", "moved")},
     **{f"pace:{name}": (0, LATEST) for name in ("since", "done", "searches", "round")},
     "pace:lacking": SAME,
-    "pace:watch": SAME,
+    "pace:on_step": SAME,
     "struck": (0, LATEST),  # marks of a round
     "near": (0, LATEST),
     "effects.now:work": (0, 3),

@@ -169,7 +169,7 @@ def pace_type(real: Any) -> Any:
         moved=ti.i32,  # rigid: 1 = impacts of this step have moved grains ahead
         round=ti.i32,  # rigid: the round of impacts in this step, from 1 on
         done=ti.i32,  # steps since the start
-        watch=ti.i32,  # steps between two looks of the effects that watch the grains; 0 = none does
+        on_step=ti.i32,  # steps between two looks of the effects that watch the grains; 0 = none does
         half=ti.i32,  # which half of the pair table is in use, 0 or 1
         searches=ti.i32,  # searches since the start
         lacking=ti.i32,  # 1 = the last search found more than a table has room for, 2 = so after a few were woken; see world.table_room

@@ -15,7 +15,7 @@ LOOPS = {
     "body": "grains",
     "heat": "pairs and grains",
 }
-"""Loops of a step in which a hook runs; `between` and `watch` run in none, `stored` where another effect asks for it."""
+"""Loops of a step in which a hook runs; `on_pause` and `on_step` run in none, `stored` where another effect asks for it."""
 ROUNDS = 9
 ROUND_TIME = 0.05
 """Rounds of a measurement, and about how long one takes [s of CPU]."""
@@ -44,9 +44,9 @@ def inventory(sim: Simulation) -> list[dict[str, Any]]:
         effect, values = built[name], sim.effects[name]
         hooks = [hook for hook in {**effects.HOOKS[kind], **effects.HOOKS["both"]} if hasattr(effect, hook)]
         loops = sorted({LOOPS[hook] for hook in hooks if hook in LOOPS})
-        if "between" in hooks:
+        if "on_pause" in hooks:
             loops.append(f"pauses of {effect.interval:.3g} s")
-        if "watch" in hooks:
+        if "on_step" in hooks:
             loops.append(f"looks every {effect.interval:.3g} s")
         live = {p.name: values[p.name] for p in effects.module(name).PARAMETERS if p.live}
         size = effects.columns(name, values, kind) * bytes_of(sim.world.pairs.gap)

@@ -148,7 +148,7 @@ def moves_on(w: ti.template(), e):
 
 
 @ti.func
-def watch(w: ti.template(), s: ti.template()):
+def on_step(w: ti.template(), s: ti.template()):
     """Looks who is still, and which sleepers are no longer held in balance: somebody may then be due to wake or to fall asleep."""
     naps = ti.static(w.naps)
     c = s.constants[None]
