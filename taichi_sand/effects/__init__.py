@@ -51,7 +51,7 @@ HOOKS = {
         "snap": "(w, c, k): breaks link k by w.links.whole[k] = 0, or not; the impulse on its second grain with which it breaks [N s]",
         "kept": "(w, c, k): elastic energy that link k, which is whole, holds [J]; asked for if some effect has `heat`",
         "body": "(w, c, i): force and torque on grain i in every step, as a wrench [N, N, N m, 0]",
-        "on_step": "(w, s): within a launch, between two steps, every `interval` seconds, the least of all effects with this hook; s is the solver",
+        "on_step": "(w, s): within a launch, between two steps, every `interval` seconds, the least of all such effects; s is the solver",
         "on_pause": "(world, solver): Python, between launches, every `interval` seconds of simulated time",
     },
 }
