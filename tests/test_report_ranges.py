@@ -111,8 +111,8 @@ def masses(sim: sand.Simulation) -> np.ndarray:
     count, w = sim.count, sim.world
     inverse = w.grains.mobility.to_numpy()[:count, 0].astype(float)
     if w.sleeps:
-        awake = w.naps.state[None].awake
-        inverse[awake:] = w.naps.mobility.to_numpy()[awake:count, 0]
+        awake = w.sleep.state[None].awake
+        inverse[awake:] = w.sleep.mobility.to_numpy()[awake:count, 0]
     order = np.argsort(w.grains.id.to_numpy()[:count], kind="stable")
     return np.where(inverse > 0, 1 / np.where(inverse > 0, inverse, 1.0), 0.0)[order]
 

@@ -17,8 +17,8 @@ def test_whoever_slept_moves_on_when_effects_come_and_go() -> None:
     grains = [{"radius": 0.01, "count": 60, "fill": "lattice", "region": [0.0, 0.0, 0.4, 0.4]}]
     session = Session(Scene(size=[0.4, 0.6], grains=grains, effects={"friction": {}, "sleeping": {}}), threads=1)
     session.advance(round(4 / session.sim.step))
-    naps = session.sim.world.naps.state
-    assert naps[None].asleep == 60
+    sleep = session.sim.world.sleep.state
+    assert sleep[None].asleep == 60
     before = session.sim.positions
     session.do(["effect", "sleeping", False])
     session.advance(50)
@@ -34,7 +34,7 @@ def test_whoever_slept_moves_on_when_effects_come_and_go() -> None:
     session.do(["stroke", "release", 0.2, 0.02, 0.0, 0.0])
     session.do(["effect", "sleeping", True])
     session.advance(round(4 / session.sim.step))
-    assert left < 60 and session.sim.count == left and naps[None].asleep == left
+    assert left < 60 and session.sim.count == left and sleep[None].asleep == left
     assert session.sim.radii.min() == np.float32(0.01)
     session.do(["effect", "heat", True])
     session.do(["look", "color", "temperature"])

@@ -208,12 +208,12 @@ def test_waking_a_few_changes_nothing_else(kind: str) -> None:
     sim.advance(0.35)
     assert asleep(sim) == 100
     keys = ("contacts", "overlap_mean", "overlap_max", "floor_force_N", "coordination", "packing_fraction", "potential_energy_J")
-    resting, here, naps = sim.report(), sim.positions, sim.world.naps
+    resting, here, sleep = sim.report(), sim.positions, sim.world.sleep
     left = [100]
     for slot in (0, 60, 95, 99):  # at the left wall, amid, at the right wall
         x, y = sim.world.grains.site[slot]
-        naps.woken[int(x) * int(sim.world.box[None].sites[1]) + int(y)] = 1
-        naps.state[None].due = 1
+        sleep.woken[int(x) * int(sim.world.box[None].sites[1]) + int(y)] = 1
+        sleep.state[None].due = 1
         sim._march(0)
         left.append(asleep(sim))
         assert 0 < left[-1] < left[-2] and (sim.positions == here).all()
@@ -254,5 +254,5 @@ def test_a_moving_wall_wakes(kind: str) -> None:
 def test_off_lays_nothing_by() -> None:
     """Without the effect there is no table of sleep, and the pair table has two parts."""
     sim = bed("rigid", None)
-    assert sim.world.naps is None and sim.world.pairs.first.shape[0] == 2 * sim.world.half
+    assert sim.world.sleep is None and sim.world.pairs.first.shape[0] == 2 * sim.world.half
     assert "grains_asleep" not in sim.report()

@@ -60,9 +60,9 @@ def flow(w: ti.template(), s: ti.template()):
         water.wetness[i] = water.wetness[i] * ti.exp(-c.moisture_evaporation * air * time)
         share = bond_share(water.wetness[i])
         if ti.static(w.sleeps):
-            if i >= w.naps.state[None].awake and ti.abs(share - water.bonded[i]) > WAKING:
+            if i >= w.sleep.state[None].awake and ti.abs(share - water.bonded[i]) > WAKING:
                 call(w, i)
-            elif i < w.naps.state[None].awake:
+            elif i < w.sleep.state[None].awake:
                 water.bonded[i] = share
 
 

@@ -198,7 +198,7 @@ def report(sim: Any) -> dict[str, Any]:
         "grains_lost": int(sim.lost),
         **({"grains_made": int(sim.made), "grains_removed": int(sim.taken)} if sim.world.flows else {}),
         **({"grains_waiting": sum(waiting(sim.scene, sim.world, sim.poured))} if sim.scene.sources else {}),
-        **({"grains_asleep": int(sim.world.naps.state[None].asleep)} if sim.world.sleeps else {}),
+        **({"grains_asleep": int(sim.world.sleep.state[None].asleep)} if sim.world.sleeps else {}),
         **({"bonds": len(ends_of(sim.world, 1)), "bonds_broken": len(ends_of(sim.world, 0))} if sim.world.linked else {}),
         "tolerance": float(sim.scene.solver.tolerance),
         "depth": float(sim.bed.depth),

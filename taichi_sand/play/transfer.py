@@ -71,7 +71,7 @@ def hand_over(old: Simulation, new: Simulation, moment: Snapshot, scene: Scene) 
     if new.world.linked and not old.world.linked:
         let_go(new.world)
     if new.world.sleeps:
-        start_awake(new.world.naps, int(new.world.count[None]))
+        start_awake(new.world.sleep, int(new.world.count[None]))
     pace = read_field(old.world.pace)
     new.world.pace.from_numpy({key[1:]: value for key, value in pace.items()})
     new.world.grains.wrench.fill(0.0)

@@ -79,6 +79,6 @@ class Looking:
         """Whether this look can be left out: with few awake a pile grows more slowly, with nobody not at all."""
         if not self.world.sleeps:
             return False
-        awake = self.world.naps.state[None].awake
+        awake = self.world.sleep.state[None].awake
         number = (self.steps - self.epoch[0]) // self._look_every()
         return not awake or number % max(1, math.floor((GROWTH - 1) * self.count / awake)) != 0

@@ -91,7 +91,7 @@ def roused(w: ti.template(), most):
     """Whether more than `most` grains are awake."""
     crowd = False
     if ti.static(w.sleeps):
-        crowd = w.naps.state[None].awake > most
+        crowd = w.sleep.state[None].awake > most
     return crowd
 
 
@@ -182,7 +182,7 @@ def now(record: Any, name: str) -> Any:
 
 def awake(world: Any) -> int:
     """Grains that are computed."""
-    return int(now(world.naps.state, "awake") if world.sleeps else world.count[None])
+    return int(now(world.sleep.state, "awake") if world.sleeps else world.count[None])
 
 
 def march(sim: Any, done: int, end: int) -> None:
@@ -214,7 +214,7 @@ def march_alone(sim: Any, done: int, end: int) -> None:
             looked = done
         if spent:
             search_whole(sim)
-        if sim.world.sleeps and now(sim.world.naps.state, "due"):
+        if sim.world.sleeps and now(sim.world.sleep.state, "due"):
             rearrange(sim)
             renew(sim.world, sim.solver)
             continue

@@ -86,7 +86,7 @@ INDICES: dict[str, tuple[Bound, Bound] | str] = {
     "pairs.second": (-1, LARGEST),  # of what, tells the row: see `relations`
     **{
         f"{table}.{name}": (0, "rows")
-        for table in ("pairs", "naps")
+        for table in ("pairs", "sleep")
         for name in ("row_start", "row_count", "wall_row_start", "wall_row_count")
     },
     "pairs.discs": (0, MOST * MOST - 1),
@@ -127,16 +127,16 @@ INDICES: dict[str, tuple[Bound, Bound] | str] = {
     "links.start": (0, "ends"),
     "links.of": (0, "last_end"),
     "links.count": (0, "links"),
-    "naps.origin": (0, "last_slot"),
-    "naps.slot": (-1, "last_slot"),
-    "naps.start": (0, "capacity"),
-    "naps.restless": FLAG,
-    "naps.woken": FLAG,
-    "naps.state:awake": (0, "last_grain"),
-    "naps.state:asleep": (0, "last_grain"),
-    "naps.state:moved": FLAG,
-    "naps.state:due": FLAG,
-    "naps.state:seen": (0, LATEST),
+    "sleep.origin": (0, "last_slot"),
+    "sleep.slot": (-1, "last_slot"),
+    "sleep.start": (0, "capacity"),
+    "sleep.restless": FLAG,
+    "sleep.woken": FLAG,
+    "sleep.state:awake": (0, "last_grain"),
+    "sleep.state:asleep": (0, "last_grain"),
+    "sleep.state:moved": FLAG,
+    "sleep.state:due": FLAG,
+    "sleep.state:seen": (0, LATEST),
     **{f"pace:{name}": FLAG for name in ("strayed", "spent", "impacts", "warm_start", "hit", "half", "short", "hasty", "moved")},
     **{f"pace:{name}": (0, LATEST) for name in ("since", "done", "searches", "round")},
     "pace:lacking": SAME,
@@ -206,7 +206,7 @@ def relations(world: World, sizes: Sizes, of: dict[str, np.ndarray]) -> Iterator
         yield f"pairs.second holds {second[(second > most) | (second < 0)][0]}, which is no grain or wall"
     for kind in ("pair", "wall"):
         yield _beyond(world, f"blocks.{kind}", kind, of[f"blocks.{kind}_start"], of[f"blocks.{kind}_end"])
-    for table in ("pairs", "naps"):
+    for table in ("pairs", "sleep"):
         for kind, head in (("pair", ""), ("wall", "wall_")):
             if f"{table}.{head}row_start" in of:
                 start, count = of[f"{table}.{head}row_start"].astype(np.int64), of[f"{table}.{head}row_count"]
@@ -226,8 +226,8 @@ def relations(world: World, sizes: Sizes, of: dict[str, np.ndarray]) -> Iterator
         yield "movers.next runs in a circle"
     if "links.whole" in of and (((of["links.whole"] | of["links.last"]) == 1)[:, None] & (of["links.slots"] < 0)).any():
         yield "links.slots has lost a grain of a link that holds"
-    if "naps.state:awake" in of and of["naps.state:awake"] + of["naps.state:asleep"] > of["count"]:
-        yield "naps.state counts more grains than there are"
+    if "sleep.state:awake" in of and of["sleep.state:awake"] + of["sleep.state:asleep"] > of["count"]:
+        yield "sleep.state counts more grains than there are"
 
 
 def _of_boulders(world: World, start: np.ndarray) -> np.ndarray:

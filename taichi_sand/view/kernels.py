@@ -87,7 +87,7 @@ def colour_by_value(w: ti.template(), values: Numbers, top: ti.f32, colour_map: 
 def fade_sleepers(w: ti.template(), colours: Packed):
     """Colours of those who sleep, who lie behind all others."""
     ti.loop_config(serialize=w.layout != "cells")
-    for i in range(w.count[None] - w.naps.state[None].asleep, w.count[None]):
+    for i in range(w.count[None] - w.sleep.state[None].asleep, w.count[None]):
         if movable(w, i) > 0.0:
             colours[i] = sleepy(colours[i])
 

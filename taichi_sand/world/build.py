@@ -20,7 +20,7 @@ from taichi_sand.world.search.growth import KINDS, NO_ROOMS, Rooms, Sizes, fores
 from taichi_sand.world.search.large_grains import part_boulders
 from taichi_sand.world.search.neighbour_list import LEAST_SKIN, LEAST_SLACK, MOST_REACH, MOST_SKIN, MOST_SLACK
 from taichi_sand.world.sinks import build_flow
-from taichi_sand.world.sleep.state import allocate_naps, start_awake
+from taichi_sand.world.sleep.state import allocate_sleep_state, start_awake
 from taichi_sand.world.tables import (
     LANES,
     LEAST_ROOM,
@@ -186,7 +186,7 @@ def make_world(
         **rows_of(sizes, rooms),
         sleeps=sleeps,
         yields=scene.solver.kind == "md",
-        naps=allocate_naps(real, capacity, sites) if sleeps else None,
+        sleep=allocate_sleep_state(real, capacity, sites) if sleeps else None,
         turns=turns or pack.clumps,
         clumps=pack.clumps,
         shapes=build_shapes(pack.forms, real) if pack.clumps else None,
@@ -228,7 +228,7 @@ def fill(world: World, pack: Pack) -> None:
         field.from_numpy(whole)
     world.count[None] = count
     if world.sleeps:
-        start_awake(world.naps, count)
+        start_awake(world.sleep, count)
 
 
 def read_grains(world: World) -> dict[str, np.ndarray]:
@@ -237,8 +237,8 @@ def read_grains(world: World) -> dict[str, np.ndarray]:
     spacing = np.array(world.box[None].spacing.to_list())
     table = {name: column.to_numpy()[:count] for name, column in g._asdict().items() if column is not None}
     if world.sleeps:  # sleepers have theirs kept for them
-        awake = world.naps.state[None].awake
-        table["mobility"][awake:] = world.naps.mobility.to_numpy()[awake:count]
+        awake = world.sleep.state[None].awake
+        table["mobility"][awake:] = world.sleep.mobility.to_numpy()[awake:count]
     order = np.argsort(table["id"], kind="stable")
     table = {name: values[order] for name, values in table.items()}
     exact = {name: table[name].astype(np.float64) for name in ("site", "offset", "shift", "angle", "turn")}

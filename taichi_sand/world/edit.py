@@ -218,7 +218,7 @@ def add(world: World, grains: dict[str, np.ndarray], first_id: int) -> None:
     put(world, numbers, whole)
     world.count[None] += count
     if world.sleeps:
-        world.naps.state[None].awake += count
+        world.sleep.state[None].awake += count
     world.pace[None].spent = 1
 
 

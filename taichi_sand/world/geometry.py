@@ -34,7 +34,7 @@ def present(w: ti.template()):
     """Slots in use, but for those of sleepers, which lie behind."""
     count = w.count[None]
     if ti.static(w.sleeps):
-        count = w.naps.state[None].awake
+        count = w.sleep.state[None].awake
     return count
 
 
@@ -43,8 +43,8 @@ def mobility(w: ti.template(), i):
     """1/mass, 1/mass, 1/moment of inertia, 0 of grain i; of a sleeper, which answers to nothing, those it has awake."""
     own = w.grains.mobility[i]
     if ti.static(w.sleeps):
-        if i >= w.naps.state[None].awake and w.naps.state[None].asleep > 0:
-            own = w.naps.mobility[i]
+        if i >= w.sleep.state[None].awake and w.sleep.state[None].asleep > 0:
+            own = w.sleep.mobility[i]
     return own
 
 

@@ -137,7 +137,7 @@ class World:
     wall_half: int  # rows of one half of the wall-only columns
     turns: bool  # whether anything can turn a grain
     sleeps: bool  # whether grains may sleep
-    naps: Any  # world.naps.Naps, or None if they may not
+    sleep: Any  # world.sleep.SleepState, or None if they may not
     yields: bool  # whether pairs found deep in one another are parted gently by the world (md; rigid does it itself)
     clumps: bool  # whether a grain may be anything but a disc
     shapes: Any  # world.clumps.Shapes, or None without clumps

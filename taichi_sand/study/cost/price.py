@@ -63,7 +63,7 @@ def sleep_bytes(world: Any) -> int:
     """Bytes of the tables of sleep: its own, and the third part of the pair table."""
     pairs = {id(field): field for field in (*world.pairs, *world.pairs.memory) if hasattr(field, "shape")}
     thirds = [field for field in pairs.values() if field.shape[0] in (3 * world.half, 3 * world.wall_half)]
-    return sum(map(bytes_of, world.naps)) + sum(map(bytes_of, thirds)) // 3
+    return sum(map(bytes_of, world.sleep)) + sum(map(bytes_of, thirds)) // 3
 
 
 def table_bytes(sim: Simulation) -> int:

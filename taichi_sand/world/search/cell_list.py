@@ -140,11 +140,11 @@ def sort(w: ti.template()):
     else:
         count_through(w, cells, count)
     if ti.static(w.sleeps):
-        w.naps.state[None].awake = grid.start[cells]
-        if w.naps.state[None].asleep == 0:
+        w.sleep.state[None].awake = grid.start[cells]
+        if w.sleep.state[None].asleep == 0:
             w.count[None] = grid.start[cells]
         elif grid.start[cells] < count:
-            w.naps.state[None].due = 1
+            w.sleep.state[None].due = 1
     else:
         w.count[None] = grid.start[cells]
 
@@ -217,9 +217,9 @@ def permute(w: ti.template(), count):
         grid.flight[i] = ti.Vector([p.x, p.y, n[4], n[5]])
     if ti.static(w.sleeps):
         for i in range(count):
-            w.naps.push[i].x = w.naps.still[grid.source[i]]
+            w.sleep.push[i].x = w.sleep.still[grid.source[i]]
         for i in range(count):
-            w.naps.still[i] = w.naps.push[i].x
+            w.sleep.still[i] = w.sleep.push[i].x
     sort_along(w, count)
 
 

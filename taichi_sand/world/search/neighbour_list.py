@@ -43,7 +43,7 @@ def anchor_all(w: ti.template()):
     """Anchors the grains; returns their least and their largest velocity along both axes [m/s]."""
     left, down, right, up = 1e30, 1e30, -1e30, -1e30
     if ti.static(w.sleeps):
-        if w.naps.state[None].asleep > 0:
+        if w.sleep.state[None].asleep > 0:
             left, down, right, up = 0.0, 0.0, 0.0, 0.0
     many = ti.static(SHARES if w.layout == "cells" else 1)
     ti.loop_config(serialize=w.layout != "cells")
@@ -216,9 +216,9 @@ def list_neighbours(w: ti.template(), i, p, last, lanes: ti.template()):
 @noinline
 def list_sleepers(w: ti.template(), i: ti.i32, p: ti.i32, last: ti.i32, lanes: ti.template()) -> ti.i32:
     """Lists grain i, awake, with the sleepers that it may meet; those it would hit are called before. Returns the next row."""
-    naps = ti.static(w.naps)
+    sleep = ti.static(w.sleep)
     row = p
-    if naps.state[None].asleep > 0:
+    if sleep.state[None].asleep > 0:
         box, v = w.box[None], velocity(w, i)
         rounding = 1e-6 * (box.size.x + box.size.y)
         near = w.grains.radius[i] + 0.5 * box.listed + box.bridge + w.pace[None].skin + v.norm() * w.pace[None].horizon + rounding
@@ -232,10 +232,10 @@ def list_sleepers(w: ti.template(), i: ti.i32, p: ti.i32, last: ti.i32, lanes: t
             if ti.static(w.periodic[1]):
                 for y in range(low.y, high.y + 1):
                     site = site_of(w, x, y)
-                    row = list_range(w, i, naps.start[site], naps.start[site + 1], row, last, lanes)
+                    row = list_range(w, i, sleep.start[site], sleep.start[site + 1], row, last, lanes)
             else:
                 top = site_of(w, x, high.y) + 1
-                row = list_range(w, i, naps.start[site_of(w, x, low.y)], naps.start[top], row, last, lanes)
+                row = list_range(w, i, sleep.start[site_of(w, x, low.y)], sleep.start[top], row, last, lanes)
         if ti.static(lanes > 0):
             for k in range((row - p) // lanes):
                 if p + k * lanes < last:
@@ -250,7 +250,7 @@ def call_before_impact(w: ti.template(), i, q):
     if ti.static(w.clumps):
         apart = w.pairs.normal[q] * (w.pairs.gap[q] + w.pairs.contact_distance[q])
         motion += spin(w, i) * perp(turned(w, i, w.pairs.arms[q].xy))
-    if motion.dot(w.pairs.normal[q]) > w.naps.state[None].impact:
+    if motion.dot(w.pairs.normal[q]) > w.sleep.state[None].impact:
         if may_meet(apart, -motion, w.pairs.contact_distance[q], w.pace[None].horizon):
             call(w, w.pairs.second[q])
 

@@ -37,7 +37,7 @@ def wake(world: World) -> None:
     """Wakes everybody: after a change by hand, of gravity or of a parameter, and before grains come or go by hand. The next march makes
     tables larger that this search has found too small.
     """
-    if world.sleeps and world.naps.state[None].asleep:
+    if world.sleeps and world.sleep.state[None].asleep:
         rouse(world, 1)
         search_now(world)
 
@@ -45,13 +45,13 @@ def wake(world: World) -> None:
 @ti.kernel
 def rouse(w: ti.template(), everybody: ti.i32):
     """Makes all grains awake, for the next search; those at woken sites, or everybody, also forget that they were still."""
-    naps = ti.static(w.naps)
-    awake, asleep = naps.state[None].awake, naps.state[None].asleep
+    sleep = ti.static(w.sleep)
+    awake, asleep = sleep.state[None].awake, sleep.state[None].asleep
     first = w.count[None] - asleep
     gone = first - awake
     ti.loop_config(serialize=w.layout != "cells")
     for i in range(awake):
-        naps.origin[i] = i
+        sleep.origin[i] = i
     ti.loop_config(serialize=w.layout != "cells")
     for k in range(asleep if gone == 0 else 0):
         get_up(w, first + k, awake + k, everybody)
@@ -59,10 +59,10 @@ def rouse(w: ti.template(), everybody: ti.i32):
     for k in range(asleep if gone > 0 else 0):  # into slots of other sleepers, so one after the other
         get_up(w, first + k, awake + k, everybody)
     ti.loop_config(serialize=w.layout != "cells")
-    for site in range(naps.woken.shape[0]):
-        naps.woken[site] = 0
-    naps.state[None].awake, naps.state[None].asleep = awake + asleep, 0
-    naps.state[None].moved, naps.state[None].due = 1, 0
+    for site in range(sleep.woken.shape[0]):
+        sleep.woken[site] = 0
+    sleep.state[None].awake, sleep.state[None].asleep = awake + asleep, 0
+    sleep.state[None].moved, sleep.state[None].due = 1, 0
     w.count[None] = awake + asleep
     w.pace[None].spent = 1
 
@@ -70,26 +70,26 @@ def rouse(w: ti.template(), everybody: ti.i32):
 @ti.func
 def get_up(w: ti.template(), j, i, everybody):
     """The sleeper of slot j is awake, in slot i."""
-    g, naps = ti.static(w.grains, w.naps)
-    called = everybody == 1 or naps.woken[home(w, j)] == 1
+    g, sleep = ti.static(w.grains, w.sleep)
+    called = everybody == 1 or sleep.woken[home(w, j)] == 1
     g.site[i], g.id[i], g.kind[i] = g.site[j], g.id[j], g.kind[j]
     g.offset[i], g.shift[i], g.start_velocity[i] = g.offset[j], ti.Vector([0.0, 0.0]), ti.Vector([0.0, 0.0])
     g.twist[i], g.wrench[i] = ti.Vector([0.0, 0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0, 0.0])
     g.angle[i], g.turn[i], g.radius[i] = g.angle[j], 0.0, g.radius[j]
-    g.mobility[i] = naps.mobility[j]
-    naps.still[i] = 0.0 if called else ASLEEP
+    g.mobility[i] = sleep.mobility[j]
+    sleep.still[i] = 0.0 if called else ASLEEP
     move_along(w, j, i)
-    naps.origin[i] = j
+    sleep.origin[i] = j
 
 
 @ti.kernel
 def lull(w: ti.template(), s: ti.template()):
     """After a search of everybody: chooses who sleeps, puts them behind the others, and freezes their pairs."""
-    state = ti.static(w.naps.state)
+    state = ti.static(w.sleep.state)
     before = 0
     ti.loop_config(serialize=w.layout != "cells")
     for i in range(w.count[None]):
-        before += ti.cast(w.naps.still[i] >= 0.5 * ASLEEP, ti.i32)
+        before += ti.cast(w.sleep.still[i] >= 0.5 * ASLEEP, ti.i32)
     choose(w, s.constants[None].sleeping_time)
     if ti.static(w.layout == "cells"):
         weigh_in_colours(w, s)
@@ -106,96 +106,96 @@ def lull(w: ti.template(), s: ti.template()):
 @ti.func
 def choose(w: ti.template(), patience):
     """`slot` of every grain, and its `origin`: those who stay awake first, then the sleepers by lattice site."""
-    naps, scratch = ti.static(w.naps, w.grid.whole)
+    sleep, scratch = ti.static(w.sleep, w.grid.whole)
     count = w.count[None]
     ti.loop_config(serialize=w.layout != "cells")
-    for site in range(naps.start.shape[0]):
-        naps.restless[site], naps.start[site] = 0, 0
+    for site in range(sleep.start.shape[0]):
+        sleep.restless[site], sleep.start[site] = 0, 0
     ti.loop_config(serialize=w.layout != "cells")
     for i in range(count):
-        if naps.still[i] < patience:
-            naps.restless[home(w, i)] = 1
+        if sleep.still[i] < patience:
+            sleep.restless[home(w, i)] = 1
     if ti.static(w.moves):
         shake(w)
     ti.loop_config(serialize=w.layout != "cells")
     for i in range(w.capacity):
-        naps.slot[i] = 0
+        sleep.slot[i] = 0
         if i < count:
             quiet = may_sleep(w, i, patience)
-            naps.slot[i], scratch[i][0] = ti.cast(not quiet, ti.i32), -1
+            sleep.slot[i], scratch[i][0] = ti.cast(not quiet, ti.i32), -1
             if quiet:  # how many of its site before it
-                scratch[i][0] = ti.atomic_add(naps.start[home(w, i)], 1)
-    prefix_sum(naps.slot, w.grid.sums, w.layout == "cells")
-    prefix_sum(naps.start, w.grid.sums, w.layout == "cells")
-    awake = naps.slot[w.capacity - 1]  # that slot is empty
+                scratch[i][0] = ti.atomic_add(sleep.start[home(w, i)], 1)
+    prefix_sum(sleep.slot, w.grid.sums, w.layout == "cells")
+    prefix_sum(sleep.start, w.grid.sums, w.layout == "cells")
+    awake = sleep.slot[w.capacity - 1]  # that slot is empty
     ti.loop_config(serialize=w.layout != "cells")
-    for site in range(naps.start.shape[0]):
-        add(naps.start, site, awake)
+    for site in range(sleep.start.shape[0]):
+        add(sleep.start, site, awake)
     ti.loop_config(serialize=w.layout != "cells")
     for i in range(count):
-        naps.origin[naps.slot[i] if scratch[i][0] < 0 else naps.start[home(w, i)] + scratch[i][0]] = i
+        sleep.origin[sleep.slot[i] if scratch[i][0] < 0 else sleep.start[home(w, i)] + scratch[i][0]] = i
     if ti.static(w.layout == "cells"):
-        for site in range(naps.start.shape[0] - 1):
-            put_in_order(naps.origin, naps.start[site], naps.start[site + 1])
+        for site in range(sleep.start.shape[0] - 1):
+            put_in_order(sleep.origin, sleep.start[site], sleep.start[site + 1])
     ti.loop_config(serialize=w.layout != "cells")
     for k in range(count):
-        naps.slot[naps.origin[k]] = k
-        w.grid.source[k] = naps.origin[k]
-    naps.state[None].awake, naps.state[None].asleep = awake, count - awake
+        sleep.slot[sleep.origin[k]] = k
+        w.grid.source[k] = sleep.origin[k]
+    sleep.state[None].awake, sleep.state[None].asleep = awake, count - awake
 
 
 @ti.func
 def may_sleep(w: ti.template(), i, patience):
     """Whether grain i has been still for long enough, and all around it are still, or it sleeps already."""
-    naps = ti.static(w.naps)
-    quiet = naps.still[i] >= patience
-    if quiet and naps.still[i] < 0.5 * ASLEEP:
+    sleep = ti.static(w.sleep)
+    quiet = sleep.still[i] >= patience
+    if quiet and sleep.still[i] < 0.5 * ASLEEP:
         site = w.grains.site[i]
         for x in range(site.x - 1, site.x + 2):
             for y in range(site.y - 1, site.y + 2):
-                quiet = quiet and naps.restless[site_of(w, x, y)] == 0
+                quiet = quiet and sleep.restless[site_of(w, x, y)] == 0
     return quiet
 
 
 @ti.func
 def freeze(w: ti.template()):
     """Copies the pairs among sleepers, and of sleepers with walls, to the third part of the pair table."""
-    naps, pairs = ti.static(w.naps, w.pairs)
-    awake, count, half = naps.state[None].awake, w.count[None], w.pace[None].half
+    sleep, pairs = ti.static(w.sleep, w.pairs)
+    awake, count, half = sleep.state[None].awake, w.count[None], w.pace[None].half
     ti.loop_config(serialize=w.layout != "cells")
     for k in range(w.capacity):
-        naps.row_count[k], naps.wall_row_count[k] = 0, 0
+        sleep.row_count[k], sleep.wall_row_count[k] = 0, 0
         if k >= awake and k < count:
-            at = half * w.capacity + naps.origin[k]
+            at = half * w.capacity + sleep.origin[k]
             for n in range(pairs.row_count[at]):
-                if naps.slot[pairs.second[pairs.row_start[at] + n * w.lanes]] >= awake:
-                    naps.row_count[k] = naps.row_count[k] + 1
-            naps.wall_row_count[k] = pairs.wall_row_count[at]
-        naps.row_start[k], naps.wall_row_start[k] = naps.row_count[k], naps.wall_row_count[k]
-    prefix_sum(naps.row_start, w.grid.sums, w.layout == "cells")
-    prefix_sum(naps.wall_row_start, w.grid.sums, w.layout == "cells")
+                if sleep.slot[pairs.second[pairs.row_start[at] + n * w.lanes]] >= awake:
+                    sleep.row_count[k] = sleep.row_count[k] + 1
+            sleep.wall_row_count[k] = pairs.wall_row_count[at]
+        sleep.row_start[k], sleep.wall_row_start[k] = sleep.row_count[k], sleep.wall_row_count[k]
+    prefix_sum(sleep.row_start, w.grid.sums, w.layout == "cells")
+    prefix_sum(sleep.wall_row_start, w.grid.sums, w.layout == "cells")
     b, row, wall_row = sleeper_block(w), 2 * w.half, 2 * w.half + w.wall_base
-    w.blocks.pair_start[b], w.blocks.pair_end[b] = row, row + naps.row_start[w.capacity - 1]
-    w.blocks.wall_start[b], w.blocks.wall_end[b] = wall_row, wall_row + naps.wall_row_start[w.capacity - 1]
+    w.blocks.pair_start[b], w.blocks.pair_end[b] = row, row + sleep.row_start[w.capacity - 1]
+    w.blocks.wall_start[b], w.blocks.wall_end[b] = wall_row, wall_row + sleep.wall_row_start[w.capacity - 1]
     ti.loop_config(serialize=w.layout != "cells")
     for k in range(awake, count):
-        add(naps.row_start, k, row)
-        add(naps.wall_row_start, k, wall_row)
-        freeze_pairs(w, k, half * w.capacity + naps.origin[k])
+        add(sleep.row_start, k, row)
+        add(sleep.wall_row_start, k, wall_row)
+        freeze_pairs(w, k, half * w.capacity + sleep.origin[k])
 
 
 @ti.func
 def freeze_pairs(w: ti.template(), k, at):
     """Copies the pairs of sleeper k; `at` is its row in the table of where its pairs begin."""
-    naps, pairs = ti.static(w.naps, w.pairs)
-    row = naps.row_start[k]
+    sleep, pairs = ti.static(w.sleep, w.pairs)
+    row = sleep.row_start[k]
     for n in range(pairs.row_count[at]):
         p = pairs.row_start[at] + n * w.lanes
-        if naps.slot[pairs.second[p]] >= naps.state[None].awake:
-            copy_row(w, p, row, k, naps.slot[pairs.second[p]])
+        if sleep.slot[pairs.second[p]] >= sleep.state[None].awake:
+            copy_row(w, p, row, k, sleep.slot[pairs.second[p]])
             row += 1
     for n in range(pairs.wall_row_count[at]):
-        p, q = pairs.wall_row_start[at] + n, naps.wall_row_start[k] + n
+        p, q = pairs.wall_row_start[at] + n, sleep.wall_row_start[k] + n
         copy_row(w, p, q, k, pairs.second[p])
         copy_wall_row(w, p, q)
 
@@ -226,19 +226,19 @@ def copy_wall_row(w: ti.template(), p, row):
 @ti.func
 def lay_to_rest(w: ti.template()):
     """Stops the new sleepers, and sums up what they carry."""
-    g, naps, pairs = ti.static(w.grains, w.naps, w.pairs)
+    g, sleep, pairs = ti.static(w.grains, w.sleep, w.pairs)
     ti.loop_config(serialize=w.layout != "cells")
-    for j in range(naps.state[None].awake, w.count[None]):
-        naps.mobility[j], naps.still[j] = g.mobility[j], ASLEEP
+    for j in range(sleep.state[None].awake, w.count[None]):
+        sleep.mobility[j], sleep.still[j] = g.mobility[j], ASLEEP
         for column in ti.static((g.mobility, g.twist, g.wrench)):
             column[j] = ti.Vector([0.0, 0.0, 0.0, 0.0])
         g.start_velocity[j] = ti.Vector([0.0, 0.0])
         p = position(w, j)
         w.grid.flight[j] = ti.Vector([p.x, p.y, 0.0, 0.0])
         if ti.static(w.layout != "cells"):
-            naps.balance[j], naps.load[j] = ti.Vector([0.0, 0.0]), 0.0
-        if naps.mobility[j].x > 0.0:
-            add(naps.balance, j, w.box[None].gravity / naps.mobility[j].x)
+            sleep.balance[j], sleep.load[j] = ti.Vector([0.0, 0.0]), 0.0
+        if sleep.mobility[j].x > 0.0:
+            add(sleep.balance, j, w.box[None].gravity / sleep.mobility[j].x)
     if ti.static(w.layout != "cells"):
         b = sleeper_block(w)
         ti.loop_config(serialize=True)
@@ -248,23 +248,23 @@ def lay_to_rest(w: ti.template()):
         ti.loop_config(serialize=True)
         for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
             put_weight(w, pairs.first[p], p, -1.0)
-    naps.state[None].moved = 1
+    sleep.state[None].moved = 1
 
 
 @ti.func
 def weigh_in_colours(w: ti.template(), s: ti.template()):
     """In cells what sleepers will carry is summed up while everybody's pairs are still in cells: in parallel, in a fixed order."""
     for j in range(w.capacity):
-        w.naps.balance[j], w.naps.load[j] = ti.Vector([0.0, 0.0]), 0.0
+        w.sleep.balance[j], w.sleep.load[j] = ti.Vector([0.0, 0.0]), 0.0
     sweep_cells(w, (put_pair,), s, s, always)
 
 
 @ti.func
 def put_pair(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
     """Adds the force of pair p to what its grains will carry, in the slots they get, if both are to sleep."""
-    awake = w.naps.state[None].awake
-    i = w.naps.slot[w.pairs.first[p]]
-    j = i if ti.static(wall) else w.naps.slot[w.pairs.second[p]]
+    awake = w.sleep.state[None].awake
+    i = w.sleep.slot[w.pairs.first[p]]
+    j = i if ti.static(wall) else w.sleep.slot[w.pairs.second[p]]
     if i >= awake and j >= awake:
         put_weight(w, i, p, -1.0)
         if ti.static(not wall):
@@ -275,5 +275,5 @@ def put_pair(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.t
 def put_weight(w: ti.template(), j, p, way):
     """Adds the force of pair p to what sleeper j carries."""
     force, normal = w.pairs.force[p], w.pairs.normal[p]
-    w.naps.balance[j] = w.naps.balance[j] + way * (force.x * normal + force.y * perp(normal))
-    w.naps.load[j] = w.naps.load[j] + force.norm()
+    w.sleep.balance[j] = w.sleep.balance[j] + way * (force.x * normal + force.y * perp(normal))
+    w.sleep.load[j] = w.sleep.load[j] + force.norm()

@@ -27,7 +27,7 @@ MOST_PRICE = 64.0
 every so many times its price."""
 
 
-class Naps(NamedTuple):
+class SleepState(NamedTuple):
     """What sleeping needs. Columns by slot, shape (capacity,), unless said otherwise."""
 
     still: Any  # for how long the grain has been still [s]; ASLEEP for sleepers
@@ -61,14 +61,14 @@ def state_type(real: Any) -> Any:
     )
 
 
-def allocate_naps(real: Any, capacity: int, sites: tuple[int, int]) -> Naps:
+def allocate_sleep_state(real: Any, capacity: int, sites: tuple[int, int]) -> SleepState:
     """Empty tables: everybody is awake."""
     whole = {
         name: field_pool.scalars(ti.i32, capacity)
         for name in ("origin", "slot", "row_start", "row_count", "wall_row_start", "wall_row_count")
     }
     count = site_rows(sites)
-    return Naps(
+    return SleepState(
         still=field_pool.scalars(real, capacity),
         mobility=field_pool.vectors(4, real, capacity),
         balance=field_pool.vectors(2, real, capacity),
@@ -82,12 +82,12 @@ def allocate_naps(real: Any, capacity: int, sites: tuple[int, int]) -> Naps:
     )
 
 
-def start_awake(naps: Naps, count: int) -> None:
+def start_awake(sleep: SleepState, count: int) -> None:
     """The `count` grains there are have come from elsewhere: none of them sleeps, or has been still."""
-    naps.state.fill(0)
-    naps.state[None].awake, naps.state[None].price = count, 1.0
-    naps.still.fill(0.0)
-    naps.woken.fill(0)
+    sleep.state.fill(0)
+    sleep.state[None].awake, sleep.state[None].price = count, 1.0
+    sleep.still.fill(0.0)
+    sleep.woken.fill(0)
 
 
 @ti.func
@@ -115,8 +115,8 @@ def call(w: ti.template(), j):
     site = w.grains.site[j]
     for x in range(site.x - 1, site.x + 2):
         for y in range(site.y - 1, site.y + 2):
-            w.naps.woken[site_of(w, x, y)] = 1
-    w.naps.state[None].due = 1
+            w.sleep.woken[site_of(w, x, y)] = 1
+    w.sleep.state[None].due = 1
 
 
 @ti.func
@@ -125,19 +125,19 @@ def shake(w: ti.template()):
     ti.loop_config(serialize=True)
     for e in range(w.movers.count[None]):
         if moves_on(w, e):
-            w.naps.restless[w.movers.site[e]] = 1
+            w.sleep.restless[w.movers.site[e]] = 1
 
 
 @ti.func
 def call_by_walls(w: ti.template()):
     """And who sleeps there is to wake."""
-    naps = ti.static(w.naps)
-    if naps.state[None].asleep > 0:
+    sleep = ti.static(w.sleep)
+    if sleep.state[None].asleep > 0:
         for e in range(w.movers.count[None]):
             site = w.movers.site[e]
-            if moves_on(w, e) and naps.start[site + 1] > naps.start[site]:
-                naps.woken[site] = 1
-                naps.state[None].due = 1
+            if moves_on(w, e) and sleep.start[site + 1] > sleep.start[site]:
+                sleep.woken[site] = 1
+                sleep.state[None].due = 1
 
 
 @ti.func
@@ -150,51 +150,51 @@ def moves_on(w: ti.template(), e):
 @ti.func
 def on_step(w: ti.template(), s: ti.template()):
     """Looks who is still, and which sleepers are no longer held in balance: somebody may then be due to wake or to fall asleep."""
-    naps = ti.static(w.naps)
+    sleep = ti.static(w.sleep)
     c = s.constants[None]
     unit = ti.sqrt(w.box[None].gravity.norm() * w.box[None].diameter)
-    naps.state[None].impact = c.sleeping_impact * unit
-    awake = naps.state[None].awake
-    steps = w.pace[None].done - naps.state[None].seen
+    sleep.state[None].impact = c.sleeping_impact * unit
+    awake = sleep.state[None].awake
+    steps = w.pace[None].done - sleep.state[None].seen
     time = steps * w.pace[None].step
-    naps.state[None].seen = w.pace[None].done
+    sleep.state[None].seen = w.pace[None].done
     ready = 0
     ti.loop_config(serialize=w.layout != "cells")
     for i in range(awake):
         v = velocity(w, i)
         turning = w.grains.radius[i] * spin(w, i)
         calm = v.dot(v) + turning * turning < (c.sleeping_speed * unit) ** 2
-        naps.still[i] = naps.still[i] + time if calm else 0.0
-        ready += ti.cast(naps.still[i] >= c.sleeping_time, ti.i32)
+        sleep.still[i] = sleep.still[i] + time if calm else 0.0
+        ready += ti.cast(sleep.still[i] >= c.sleeping_time, ti.i32)
     weigh(w, s, c)
     if ready > 0:
-        naps.state[None].owed += (ready + (LAST if ready == awake else 0)) * steps
+        sleep.state[None].owed += (ready + (LAST if ready == awake else 0)) * steps
     if tired(w):
-        naps.state[None].due = 1
+        sleep.state[None].due = 1
 
 
 @ti.func
 def tired(w: ti.template()):
     """Whether those who could sleep have cost as much as laying them down does."""
-    state = ti.static(w.naps.state)
+    state = ti.static(w.sleep.state)
     return state[None].owed > state[None].price * PRICE * (state[None].awake + state[None].asleep)
 
 
 @ti.func
 def weigh(w: ti.template(), s: ti.template(), c: ti.template()):
     """Calls the sleepers on which forces no longer balance."""
-    naps = ti.static(w.naps)
+    sleep = ti.static(w.sleep)
     last = w.count[None]
-    first = last - (naps.state[None].asleep if naps.state[None].awake > 0 else 0)
+    first = last - (sleep.state[None].asleep if sleep.state[None].awake > 0 else 0)
     ti.loop_config(serialize=w.layout != "cells")
     for j in range(first, last):
-        naps.push[j] = naps.balance[j]
+        sleep.push[j] = sleep.balance[j]
     pairs_awake(w, push_sleeper, s, c)
     ti.loop_config(serialize=w.layout != "cells")
     for j in range(first, last):
-        if naps.mobility[j].x > 0.0:
-            bound = c.sleeping_share * (naps.load[j] + w.box[None].gravity.norm() / naps.mobility[j].x)
-            if naps.push[j].dot(naps.push[j]) > bound * bound:
+        if sleep.mobility[j].x > 0.0:
+            bound = c.sleeping_share * (sleep.load[j] + w.box[None].gravity.norm() / sleep.mobility[j].x)
+            if sleep.push[j].dot(sleep.push[j]) > bound * bound:
                 call(w, j)
 
 
@@ -202,11 +202,11 @@ def weigh(w: ti.template(), s: ti.template(), c: ti.template()):
 def push_sleeper(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
     """Adds the force of pair p to those on its second grain, if that sleeps."""
     if ti.static(not wall):
-        naps = ti.static(w.naps)
+        sleep = ti.static(w.sleep)
         j = w.pairs.second[p]
-        if j >= w.count[None] - naps.state[None].asleep and j < w.count[None]:
+        if j >= w.count[None] - sleep.state[None].asleep and j < w.count[None]:
             force, normal = w.pairs.force[p], w.pairs.normal[p]
-            naps.push[j] = naps.push[j] + force.x * normal + force.y * perp(normal)
+            sleep.push[j] = sleep.push[j] + force.x * normal + force.y * perp(normal)
 
 
 @ti.func
@@ -218,20 +218,20 @@ def sleeper_block(w: ti.template()):
 @ti.func
 def translate(w: ti.template()):
     """In a search, after the sort: `source` is the slot of each grain when the pairs before were listed."""
-    naps, grid = ti.static(w.naps, w.grid)
-    awake, count = naps.state[None].awake, 0
-    if naps.state[None].moved == 1:
-        count = awake + naps.state[None].asleep
+    sleep, grid = ti.static(w.sleep, w.grid)
+    awake, count = sleep.state[None].awake, 0
+    if sleep.state[None].moved == 1:
+        count = awake + sleep.state[None].asleep
     ti.loop_config(serialize=w.layout != "cells")
     for i in range(count):
-        grid.source[i] = naps.origin[grid.source[i]] if i < awake else naps.origin[i]
+        grid.source[i] = sleep.origin[grid.source[i]] if i < awake else sleep.origin[i]
 
 
 @ti.func
 def settle(w: ti.template()):
     """At the end of a search: the frozen pairs are found by the slots of the sleepers, in either half, and make up a block."""
-    naps, pairs = ti.static(w.naps, w.pairs)
-    asleep, moved = naps.state[None].asleep, naps.state[None].moved
+    sleep, pairs = ti.static(w.sleep, w.pairs)
+    asleep, moved = sleep.state[None].asleep, sleep.state[None].moved
     first = w.count[None] - asleep
     if w.pace[None].lacking != 0:  # pairs will be listed again, and remembered as before
         moved = 0
@@ -240,14 +240,14 @@ def settle(w: ti.template()):
         w.grid.source[j] = j
         for half in ti.static(range(2)):
             at = half * w.capacity + j
-            pairs.row_start[at], pairs.row_count[at] = naps.row_start[j], naps.row_count[j]
-            pairs.wall_row_start[at], pairs.wall_row_count[at] = naps.wall_row_start[j], naps.wall_row_count[j]
-    naps.state[None].moved -= moved
+            pairs.row_start[at], pairs.row_count[at] = sleep.row_start[j], sleep.row_count[j]
+            pairs.wall_row_start[at], pairs.wall_row_count[at] = sleep.wall_row_start[j], sleep.wall_row_count[j]
+    sleep.state[None].moved -= moved
     b = sleeper_block(w)
     last, wall_last = 2 * w.half, 2 * w.half + w.wall_base
     if asleep > 0:
         j = first + asleep - 1
-        last, wall_last = naps.row_start[j] + naps.row_count[j], naps.wall_row_start[j] + naps.wall_row_count[j]
+        last, wall_last = sleep.row_start[j] + sleep.row_count[j], sleep.wall_row_start[j] + sleep.wall_row_count[j]
     w.blocks.grain_start[b], w.blocks.grain_end[b] = first, first + asleep
     w.blocks.pair_start[b], w.blocks.pair_end[b] = 2 * w.half, last
     w.blocks.wall_start[b], w.blocks.wall_end[b] = 2 * w.half + w.wall_base, wall_last
@@ -258,7 +258,7 @@ def called(w: ti.template()):
     """Whether somebody is to wake or to fall asleep before the next step."""
     due = False
     if ti.static(w.sleeps):
-        due = w.naps.state[None].due == 1
+        due = w.sleep.state[None].due == 1
     return due
 
 

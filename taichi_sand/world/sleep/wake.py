@@ -16,7 +16,7 @@ from taichi_sand.world.sleep.state import drowsy, home, sleeper_block
 def stir(w: ti.template()):
     """Puts the sleepers at woken sites behind those awake; a search of the awake and `bury` must follow."""
     last = w.count[None]
-    first = last - w.naps.state[None].asleep
+    first = last - w.sleep.state[None].asleep
     end = number_anew(w, first, last)
     rename(w, first, last)
     move_up(w, first, end)
@@ -37,32 +37,32 @@ def stir_now(w: ti.template()) -> ti.i32:
 @noinline
 def number_anew(w: ti.template(), first: ti.i32, last: ti.i32) -> ti.i32:
     """`slot` of every sleeper: those who wake first, then the others in the order they have. Returns the end of those who wake or move."""
-    naps = ti.static(w.naps)
-    slot = naps.state[None].awake
+    sleep = ti.static(w.sleep)
+    slot = sleep.state[None].awake
     for j in range(first, last):
-        naps.slot[j] = -1
-        if naps.woken[home(w, j)] == 1:
-            naps.slot[j], naps.still[j] = slot, 0.0
+        sleep.slot[j] = -1
+        if sleep.woken[home(w, j)] == 1:
+            sleep.slot[j], sleep.still[j] = slot, 0.0
             slot += 1
-    naps.state[None].asleep -= slot - naps.state[None].awake
-    naps.state[None].awake = slot
-    at, old = slot, naps.start[0]
-    for site in range(naps.start.shape[0] - 1):
-        here = naps.start[site + 1] - old
-        old = naps.start[site + 1]
-        naps.start[site] = at
-        at += 0 if naps.woken[site] == 1 else here
-        naps.woken[site] = 0
-    naps.start[naps.start.shape[0] - 1] = at
+    sleep.state[None].asleep -= slot - sleep.state[None].awake
+    sleep.state[None].awake = slot
+    at, old = slot, sleep.start[0]
+    for site in range(sleep.start.shape[0] - 1):
+        here = sleep.start[site + 1] - old
+        old = sleep.start[site + 1]
+        sleep.start[site] = at
+        at += 0 if sleep.woken[site] == 1 else here
+        sleep.woken[site] = 0
+    sleep.start[sleep.start.shape[0] - 1] = at
     end = first
     for j in range(first, last):
-        if naps.slot[j] < 0:
-            naps.slot[j] = slot
+        if sleep.slot[j] < 0:
+            sleep.slot[j] = slot
             slot += 1
-        if naps.slot[j] != j or j < naps.state[None].awake:
+        if sleep.slot[j] != j or j < sleep.state[None].awake:
             end = j + 1
     w.count[None] = slot
-    naps.state[None].due = 0
+    sleep.state[None].due = 0
     w.pace[None].spent = 1
     return end
 
@@ -70,37 +70,37 @@ def number_anew(w: ti.template(), first: ti.i32, last: ti.i32) -> ti.i32:
 @noinline
 def rename(w: ti.template(), first: ti.i32, last: ti.i32):
     """The pairs of sleepers, frozen or with one awake, under the new slots."""
-    naps, pairs = ti.static(w.naps, w.pairs)
+    sleep, pairs = ti.static(w.sleep, w.pairs)
     frozen = sleeper_block(w)
     for b in range(frozen + 1):
         for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
             for column in ti.static((pairs.first, pairs.second)):
                 if column[p] >= first and column[p] < last:
-                    column[p] = naps.slot[column[p]]
+                    column[p] = sleep.slot[column[p]]
     for p in range(w.blocks.wall_start[frozen], w.blocks.wall_end[frozen]):
         if pairs.first[p] >= first and pairs.first[p] < last:
-            pairs.first[p] = naps.slot[pairs.first[p]]
+            pairs.first[p] = sleep.slot[pairs.first[p]]
 
 
 @noinline
 def move_up(w: ti.template(), first: ti.i32, end: ti.i32):
     """Moves the sleepers first .. end-1, all that they carry and where their pairs begin to their new slots."""
-    g, naps, pairs, whole, number = ti.static(w.grains, w.naps, w.pairs, w.grid.whole, w.grid.number)
+    g, sleep, pairs, whole, number = ti.static(w.grains, w.sleep, w.pairs, w.grid.whole, w.grid.number)
     for j in range(first, end):
-        p, o, m, b = position(w, j), g.offset[j], naps.mobility[j], naps.balance[j]
+        p, o, m, b = position(w, j), g.offset[j], sleep.mobility[j], sleep.balance[j]
         whole[j] = ti.Vector([g.site[j].x, g.site[j].y, g.id[j], g.kind[j], 0])
         place, body = [p.x, p.y, o.x, o.y, g.radius[j], g.angle[j]], [m.x, m.y, m.z, m.w]
-        sleep = [b.x, b.y, naps.load[j], naps.still[j], 0.0, 0.0, 0.0, 0.0]
-        number[j] = ti.Vector(place + body + sleep)
+        kept = [b.x, b.y, sleep.load[j], sleep.still[j], 0.0, 0.0, 0.0, 0.0]
+        number[j] = ti.Vector(place + body + kept)
     none, still = ti.Vector([0.0, 0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0])
     for j in range(first, end):
-        k, n, i = naps.slot[j], number[j], whole[j]
+        k, n, i = sleep.slot[j], number[j], whole[j]
         g.site[k], g.id[k], g.kind[k] = ti.Vector([i[0], i[1]]), i[2], i[3]
         g.offset[k], g.shift[k], g.start_velocity[k] = ti.Vector([n[2], n[3]]), still, still
         g.radius[k], g.angle[k], g.turn[k], g.twist[k], g.wrench[k] = n[4], n[5], 0.0, none, none
-        naps.mobility[k] = ti.Vector([n[6], n[7], n[8], n[9]])
-        g.mobility[k] = naps.mobility[k] if k < naps.state[None].awake else none
-        naps.balance[k], naps.load[k], naps.still[k] = ti.Vector([n[10], n[11]]), n[12], n[13]
+        sleep.mobility[k] = ti.Vector([n[6], n[7], n[8], n[9]])
+        g.mobility[k] = sleep.mobility[k] if k < sleep.state[None].awake else none
+        sleep.balance[k], sleep.load[k], sleep.still[k] = ti.Vector([n[10], n[11]]), n[12], n[13]
         w.grid.flight[k], w.grid.source[k] = ti.Vector([n[0], n[1], 0.0, 0.0]), k
         if ti.static(w.clumps):
             g.start_spin[k] = 0.0
@@ -109,12 +109,12 @@ def move_up(w: ti.template(), first: ti.i32, end: ti.i32):
         for j in range(first, end):
             number[j][0] = column[j]
         for j in range(first, end):
-            column[naps.slot[j]] = number[j][0]
+            column[sleep.slot[j]] = number[j][0]
     for j in range(first, end):
-        whole[j] = ti.Vector([naps.row_start[j], naps.row_count[j], naps.wall_row_start[j], naps.wall_row_count[j], 0])
+        whole[j] = ti.Vector([sleep.row_start[j], sleep.row_count[j], sleep.wall_row_start[j], sleep.wall_row_count[j], 0])
     for j in range(first, end):
-        k, i = naps.slot[j], whole[j]
-        naps.row_start[k], naps.row_count[k], naps.wall_row_start[k], naps.wall_row_count[k] = i[0], i[1], i[2], i[3]
+        k, i = sleep.slot[j], whole[j]
+        sleep.row_start[k], sleep.row_count[k], sleep.wall_row_start[k], sleep.wall_row_count[k] = i[0], i[1], i[2], i[3]
         for half in ti.static(range(2)):
             at = half * w.capacity + k
             pairs.row_start[at], pairs.row_count[at], pairs.wall_row_start[at], pairs.wall_row_count[at] = i[0], i[1], i[2], i[3]
@@ -124,7 +124,7 @@ def move_up(w: ti.template(), first: ti.i32, end: ti.i32):
 def bury(w: ti.template()):
     """Empties the frozen rows of pairs of which one member is awake: the search has listed them anew, with what they carried."""
     b = sleeper_block(w)
-    first = w.count[None] - w.naps.state[None].asleep
+    first = w.count[None] - w.sleep.state[None].asleep
     for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
         i, j = w.pairs.first[p], w.pairs.second[p]
         if i < first or j < first:
@@ -165,5 +165,5 @@ def bury_now(w: ti.template()):
 @ti.func
 def ease(w: ti.template(), j, push, size):
     """A frozen force on sleeper j is frozen no more."""
-    add(w.naps.balance, j, push)
-    add(w.naps.load, j, -size)
+    add(w.sleep.balance, j, push)
+    add(w.sleep.load, j, -size)
