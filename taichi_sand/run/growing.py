@@ -10,7 +10,7 @@ from taichi_sand.taichi_support import field_pool, runtime
 from taichi_sand.world.checkpoint import read_field
 from taichi_sand.world.search.growth import Rooms, Sizes, sizes_of
 from taichi_sand.world.search.neighbour_list import list_again
-from taichi_sand.world.sleep.wake import bury_now
+from taichi_sand.world.sleep.wake import clear_stale_rows_now
 from taichi_sand.world.tables import World
 
 STARTS = ("row_start", "wall_row_start")
@@ -74,7 +74,7 @@ class Growing:
                 list_again(self.world)
             stepping.warm(self.world, self.solver)
         if woken:
-            bury_now(self.world)
+            clear_stale_rows_now(self.world)
             stepping.renew(self.world, self.solver)
 
     def take_room(self, rooms: Rooms) -> None:

@@ -9,8 +9,8 @@ from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.motion import close_step
 from taichi_sand.world.search.neighbour_list import progress, search
 from taichi_sand.world.sleep.fall_asleep import rearrange, search_whole
-from taichi_sand.world.sleep.state import called, drowsy
-from taichi_sand.world.sleep.wake import bury, stir
+from taichi_sand.world.sleep.state import called, due_to_sleep
+from taichi_sand.world.sleep.wake import clear_stale_rows, wake_some
 
 BATCH = 8
 """Steps of a large world between two looks at whether its search still holds; steps that find it spent do nothing."""
@@ -19,9 +19,9 @@ LAUNCH = 0.1
 DEAREST = 300e-9
 """What a grain and step may cost with all that belongs to it, until it has been measured [s] (measured: 20 to 80 ns, and 240 more where
 every step needs a search)."""
-FIRST, ROUSED = 16, 4
-"""The first launch gets a FIRST-th of the steps. One ends early when ROUSED times as many grains are awake as at its start, and 64 more."""
-DONE, DROWSY, EARLY, LACKING = range(4)
+FIRST, MANY_WOKEN = 16, 4
+"""The first launch gets a FIRST-th of the steps. One ends early when MANY_WOKEN times as many grains are awake as at its start, and 64 more."""
+DONE, TO_SLEEP, EARLY, LACKING = range(4)
 """Why `steps_in_one` ended: all is done; somebody is to fall asleep; many have woken up; a table is too small."""
 
 
@@ -48,12 +48,12 @@ def make_ready(w: ti.template(), s: ti.template()):
     if ti.static(w.sleeps):
         woken = called(w)
         if woken:
-            stir(w)
+            wake_some(w)
         if w.pace[None].spent == 1:
             search(w)
         if woken:
             if w.pace[None].lacking == 0:
-                bury(w)
+                clear_stale_rows(w)
                 start_anew(w, s)
             else:
                 w.pace[None].lacking = 2
@@ -87,7 +87,7 @@ def going_on(w: ti.template(), end):
 
 
 @ti.func
-def roused(w: ti.template(), most):
+def many_woken(w: ti.template(), most):
     """Whether more than `most` grains are awake."""
     crowd = False
     if ti.static(w.sleeps):
@@ -100,7 +100,7 @@ def steps_in_one(w: ti.template(), s: ti.template(), steps: ti.i32, most: ti.i32
     """`steps` steps with all searches they need, in one launch, on one thread (layout "one"); leaves the pairs of the moment. Fewer where
     a grain gets too fast for their length (world.motion.guarded).
 
-    Returns DROWSY, EARLY or LACKING if it stopped early, as somebody is to fall asleep, more than `most` are awake, or a table is too small
+    Returns TO_SLEEP, EARLY or LACKING if it stopped early, as somebody is to fall asleep, more than `most` are awake, or a table is too small
     for what a search found.
     """
     why = DONE
@@ -108,9 +108,9 @@ def steps_in_one(w: ti.template(), s: ti.template(), steps: ti.i32, most: ti.i32
     for _run in range(1):
         start = w.pace[None].done
         end = start + steps
-        while w.pace[None].lacking == 0 and not drowsy(w) and (called(w) or w.pace[None].spent == 1 or going_on(w, end)):
+        while w.pace[None].lacking == 0 and not due_to_sleep(w) and (called(w) or w.pace[None].spent == 1 or going_on(w, end)):
             make_ready(w, s)
-            if roused(w, most) and w.pace[None].done > start:
+            if many_woken(w, most) and w.pace[None].done > start:
                 end = w.pace[None].done
                 why = EARLY
             if going_on(w, end) and not called(w) and w.pace[None].lacking == 0:
@@ -119,8 +119,8 @@ def steps_in_one(w: ti.template(), s: ti.template(), steps: ti.i32, most: ti.i32
                 if ti.static(len(step_effects(s)) > 0):
                     if w.pace[None].done % w.pace[None].on_step == 0:
                         on_step(w, s)
-        if drowsy(w):
-            why = DROWSY
+        if due_to_sleep(w):
+            why = TO_SLEEP
         if w.pace[None].lacking != 0:
             why = LACKING
     return why
@@ -194,8 +194,8 @@ def march(sim: Any, done: int, end: int) -> None:
 
 def march_in_one(sim: Any, done: int, end: int) -> None:
     """The same in one launch, or a few."""
-    most = ROUSED * awake(sim.world) + 64
-    while (why := steps_in_one(sim.world, sim.solver, end - done, most)) in (DROWSY, LACKING):
+    most = MANY_WOKEN * awake(sim.world) + 64
+    while (why := steps_in_one(sim.world, sim.solver, end - done, most)) in (TO_SLEEP, LACKING):
         if why == LACKING:
             sim.fit_tables()
         else:

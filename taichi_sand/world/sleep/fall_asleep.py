@@ -9,21 +9,21 @@ from taichi_sand.world.geometry import add, perp, position, wall_row
 from taichi_sand.world.search.cell_list import permute
 from taichi_sand.world.search.neighbour_list import search_now
 from taichi_sand.world.search.prefix_sum import prefix_sum, put_in_order
-from taichi_sand.world.sleep.state import ASLEEP, MOST_PRICE, home, shake, site_of, sleeper_block, tired
-from taichi_sand.world.sleep.wake import bury_now, stir_now
+from taichi_sand.world.sleep.state import ASLEEP, MOST_PRICE, home, shake, site_of, sleep_pays, sleeper_block
+from taichi_sand.world.sleep.wake import clear_stale_rows_now, wake_some_now
 from taichi_sand.world.sweep import always, sweep_cells
 from taichi_sand.world.tables import World
 
 
 def rearrange(sim: Any) -> None:
     """Wakes the sleepers that are called, and lays those down that have been still; the solver of `sim` knows how long that is."""
-    if sim.world.layout == "strips" and stir_now(sim.world):
+    if sim.world.layout == "strips" and wake_some_now(sim.world):
         search_whole(sim)
-        bury_now(sim.world)
+        clear_stale_rows_now(sim.world)
         return
-    rouse(sim.world, 0)
+    wake_all(sim.world, 0)
     search_whole(sim)
-    lull(sim.world, sim.solver)
+    fall_asleep(sim.world, sim.solver)
     search_whole(sim)
 
 
@@ -38,12 +38,12 @@ def wake(world: World) -> None:
     tables larger that this search has found too small.
     """
     if world.sleeps and world.sleep.state[None].asleep:
-        rouse(world, 1)
+        wake_all(world, 1)
         search_now(world)
 
 
 @ti.kernel
-def rouse(w: ti.template(), everybody: ti.i32):
+def wake_all(w: ti.template(), everybody: ti.i32):
     """Makes all grains awake, for the next search; those at woken sites, or everybody, also forget that they were still."""
     sleep = ti.static(w.sleep)
     awake, asleep = sleep.state[None].awake, sleep.state[None].asleep
@@ -83,7 +83,7 @@ def get_up(w: ti.template(), j, i, everybody):
 
 
 @ti.kernel
-def lull(w: ti.template(), s: ti.template()):
+def fall_asleep(w: ti.template(), s: ti.template()):
     """After a search of everybody: chooses who sleeps, puts them behind the others, and freezes their pairs."""
     state = ti.static(w.sleep.state)
     before = 0
@@ -98,7 +98,7 @@ def lull(w: ti.template(), s: ti.template()):
     lay_to_rest(w)
     if state[None].asleep > before:
         state[None].owed, state[None].price = 0.0, 1.0
-    elif tired(w):
+    elif sleep_pays(w):
         state[None].owed, state[None].price = 0.0, ti.min(2.0 * state[None].price, MOST_PRICE)
     w.pace[None].spent = 1
 

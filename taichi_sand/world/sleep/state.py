@@ -169,12 +169,12 @@ def on_step(w: ti.template(), s: ti.template()):
     weigh(w, s, c)
     if ready > 0:
         sleep.state[None].owed += (ready + (LAST if ready == awake else 0)) * steps
-    if tired(w):
+    if sleep_pays(w):
         sleep.state[None].due = 1
 
 
 @ti.func
-def tired(w: ti.template()):
+def sleep_pays(w: ti.template()):
     """Whether those who could sleep have cost as much as laying them down does."""
     state = ti.static(w.sleep.state)
     return state[None].owed > state[None].price * PRICE * (state[None].awake + state[None].asleep)
@@ -263,9 +263,9 @@ def called(w: ti.template()):
 
 
 @ti.func
-def drowsy(w: ti.template()):
+def due_to_sleep(w: ti.template()):
     """Whether somebody is to fall asleep before the next step."""
     due = called(w)
     if ti.static(w.sleeps):
-        due = due and tired(w)
+        due = due and sleep_pays(w)
     return due

@@ -9,12 +9,12 @@ from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.clumps import head
 from taichi_sand.world.geometry import add, perp, position, wall_row
 from taichi_sand.world.search.neighbour_list import clear_rows
-from taichi_sand.world.sleep.state import drowsy, home, sleeper_block
+from taichi_sand.world.sleep.state import due_to_sleep, home, sleeper_block
 
 
 @ti.func
-def stir(w: ti.template()):
-    """Puts the sleepers at woken sites behind those awake; a search of the awake and `bury` must follow."""
+def wake_some(w: ti.template()):
+    """Puts the sleepers at woken sites behind those awake; a search of the awake and `clear_stale_rows` must follow."""
     last = w.count[None]
     first = last - w.sleep.state[None].asleep
     end = number_anew(w, first, last)
@@ -23,15 +23,15 @@ def stir(w: ti.template()):
 
 
 @ti.kernel
-def stir_now(w: ti.template()) -> ti.i32:
+def wake_some_now(w: ti.template()) -> ti.i32:
     """The same by itself. Returns 0, and does nothing, if others are to fall asleep."""
-    stirred = 0
+    woken = 0
     ti.loop_config(serialize=True)
     for _run in range(1):
-        if not drowsy(w):
-            stir(w)
-            stirred = 1
-    return stirred
+        if not due_to_sleep(w):
+            wake_some(w)
+            woken = 1
+    return woken
 
 
 @noinline
@@ -121,7 +121,7 @@ def move_up(w: ti.template(), first: ti.i32, end: ti.i32):
 
 
 @noinline
-def bury(w: ti.template()):
+def clear_stale_rows(w: ti.template()):
     """Empties the frozen rows of pairs of which one member is awake: the search has listed them anew, with what they carried."""
     b = sleeper_block(w)
     first = w.count[None] - w.sleep.state[None].asleep
@@ -155,11 +155,11 @@ def clear_wall_row(w: ti.template(), row):
 
 
 @ti.kernel
-def bury_now(w: ti.template()):
+def clear_stale_rows_now(w: ti.template()):
     """The same by itself."""
     ti.loop_config(serialize=True)
     for _run in range(1):
-        bury(w)
+        clear_stale_rows(w)
 
 
 @ti.func
