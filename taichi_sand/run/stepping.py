@@ -20,7 +20,8 @@ DEAREST = 300e-9
 """What a grain and step may cost with all that belongs to it, until it has been measured [s] (measured: 20 to 80 ns, and 240 more where
 every step needs a search)."""
 FIRST, MANY_WOKEN = 16, 4
-"""The first launch gets a FIRST-th of the steps. One ends early when MANY_WOKEN times as many grains are awake as at its start, and 64 more."""
+"""The first launch gets a FIRST-th of the steps. One ends early when MANY_WOKEN times as many
+grains are awake as at its start, and 64 more."""
 DONE, TO_SLEEP, EARLY, LACKING = range(4)
 """Why `steps_in_one` ended: all is done; somebody is to fall asleep; many have woken up; a table is too small."""
 
@@ -100,7 +101,7 @@ def steps_in_one(w: ti.template(), s: ti.template(), steps: ti.i32, most: ti.i32
     """`steps` steps with all searches they need, in one launch, on one thread (layout "one"); leaves the pairs of the moment. Fewer where
     a grain gets too fast for their length (world.motion.guarded).
 
-    Returns TO_SLEEP, EARLY or LACKING if it stopped early, as somebody is to fall asleep, more than `most` are awake, or a table is too small
+    Returns TO_SLEEP, EARLY or LACKING if it stopped early: somebody is to fall asleep, more than `most` are awake, or a table is too small
     for what a search found.
     """
     why = DONE
