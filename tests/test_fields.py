@@ -82,7 +82,7 @@ def test_every_kind_of_field_is_cleared() -> None:
 
     def ask(user: User) -> list:
         made: list = []
-        field_pool.lend(user, lambda: made.__init__([make() for make in makers] + [field_pool.record(struct)]), keep=True)
+        field_pool.borrow(user, lambda: made.__init__([make() for make in makers] + [field_pool.record(struct)]), keep=True)
         return made
 
     one, two = User(), User()

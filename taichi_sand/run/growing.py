@@ -86,7 +86,7 @@ class Growing:
         before, sizes = once(self._fields()), self.sizes_with(rooms_of(self.world))
         self.rooms = rooms
         give_back = self.returning
-        self.returning = field_pool.lend(self, lambda: self._lay(self.planned, self.hand is not None), keep=not runtime.on_gpu())
+        self.returning = field_pool.borrow(self, lambda: self._lay(self.planned, self.hand is not None), keep=not runtime.on_gpu())
         self.__dict__.update(kept)
         for name, field in once(self._fields()).items():
             write_field(field, read_field(before[name]), name, sizes, self.sizes_with(self.rooms))

@@ -77,7 +77,7 @@ class Simulation(Growing, Tuning, Looking, Keeping, Readings):
             check_periodic(scene, planned, effect_modules.reach(effects), self.arch != "cpu")
             if hand and not room:
                 self.room = max(LEAST_ROOM, len(grains) // 2)
-            self.returning = field_pool.lend(self, lambda: self._lay(planned, hand), keep=not runtime.on_gpu())
+            self.returning = field_pool.borrow(self, lambda: self._lay(planned, hand), keep=not runtime.on_gpu())
             turn.pause()
             fill(self.world, grains)
             self.made, self.removed = len(grains.radius), 0

@@ -29,10 +29,10 @@ BYTES = 4
 
 
 class UnfitError(Exception):
-    """A kit has not the field that is asked for."""
+    """A field set has not the field that is asked for."""
 
 
-class Kit:
+class FieldSet:
     """Fields that were made together."""
 
     def __init__(self) -> None:
@@ -60,13 +60,13 @@ class Kit:
         self.whole = True
 
 
-class Shelf:
+class FieldPool:
     """What has been made since Taichi was started."""
 
     def __init__(self) -> None:
         self.numbers = 0  # that all fields hold
-        self.kits: list[Kit] = []  # that nobody uses
-        self.open: Kit | None = None  # that is being taken from; None: what is asked for is for good
+        self.sets: list[FieldSet] = []  # that nobody uses
+        self.open: FieldSet | None = None  # that is being taken from; None: what is asked for is for good
         self.things: dict[Any, Any] = {}  # what `same` has seen
         self.known = {id(thing): weakref.ref(thing) for thing in in_python()}  # fields that are no more, and ours
 
@@ -83,12 +83,12 @@ class Shelf:
 
         return self.open.take(request, count_and_make) if self.open else count_and_make()
 
-    def lend(self, kit: Kit, lay: Callable[[], None]) -> bool:
-        """Calls `lay` with this kit; whether that fitted."""
-        self.open, kit.taken = kit, 0
+    def borrow(self, field_set: FieldSet, lay: Callable[[], None]) -> bool:
+        """Calls `lay` with this field set; whether that fitted."""
+        self.open, field_set.taken = field_set, 0
         try:
             lay()
-            kit.close()
+            field_set.close()
         except UnfitError:
             return False
         finally:
@@ -97,7 +97,7 @@ class Shelf:
 
     def idle(self) -> int:
         """Numbers in fields that nobody uses."""
-        return sum(math.prod(field.shape) * getattr(field, "n", 1) for kit in self.kits for field in kit.fields)
+        return sum(math.prod(field.shape) * getattr(field, "n", 1) for field_set in self.sets for field in field_set.fields)
 
 
 def in_python() -> list[Any]:
@@ -114,7 +114,7 @@ def parts_of(field: Any) -> list[Any]:
 def others() -> bool:
     """Whether somebody else has fields or arrays in the Taichi that runs."""
     gc.collect()
-    return any(id(thing) not in shelf.known or shelf.known[id(thing)]() is not thing for thing in in_python())
+    return any(id(thing) not in pool.known or pool.known[id(thing)]() is not thing for thing in in_python())
 
 
 left: ContextVar[float] = ContextVar("left", default=math.inf)
@@ -145,28 +145,30 @@ def at_most(numbers: float) -> Iterator[None]:
         left.reset(token)
 
 
-shelf = Shelf()
+pool = FieldPool()
 
 
 def start_afresh() -> None:
     """Taichi has been started anew: all fields are gone."""
-    global shelf
-    shelf = Shelf()
+    global pool
+    pool = FieldPool()
 
 
-def lend(owner: Any, lay: Callable[[], None], keep: bool) -> Callable[[], Any]:
+def borrow(owner: Any, lay: Callable[[], None], keep: bool) -> Callable[[], Any]:
     """Calls `lay`, which asks for fields, until there are some of the kind it wants; they are `owner`'s until it is gone, or what this
     returns is called.
 
     `lay` may be called more than once. Unless `keep`, what is made is not lent again.
     """
-    fitting = next((kit for kit in reversed(shelf.kits.copy()) if shelf.lend(kit, lay)), None)  # the last is the likeliest
+    fitting = next(
+        (field_set for field_set in reversed(pool.sets.copy()) if pool.borrow(field_set, lay)), None
+    )  # the last is the likeliest
     if fitting:
-        shelf.kits.remove(fitting)
+        pool.sets.remove(fitting)
     else:
-        fitting = Kit()
-        shelf.lend(fitting, lay)
-    back = weakref.finalize(owner, shelf.kits.append if keep else list, fitting)
+        fitting = FieldSet()
+        pool.borrow(fitting, lay)
+    back = weakref.finalize(owner, pool.sets.append if keep else list, fitting)
     back.atexit = False
     return back
 
@@ -174,7 +176,7 @@ def lend(owner: Any, lay: Callable[[], None], keep: bool) -> Callable[[], Any]:
 def scalars(kind: Any, shape: Any) -> Any:
     """A field of numbers of type `kind`."""
     shape = shape if isinstance(shape, tuple) else (shape,)
-    return shelf.take(("scalars", str(kind), shape), lambda: ti.field(kind, shape), math.prod(shape))
+    return pool.take(("scalars", str(kind), shape), lambda: ti.field(kind, shape), math.prod(shape))
 
 
 def vectors(width: int, kind: Any, shape: Any, layout: Any = ti.Layout.AOS) -> Any:
@@ -183,13 +185,13 @@ def vectors(width: int, kind: Any, shape: Any, layout: Any = ti.Layout.AOS) -> A
     """
     shape = shape if isinstance(shape, tuple) else (shape,)
     request = ("vectors", width, str(kind), shape, layout.name)
-    return shelf.take(request, lambda: ti.Vector.field(width, kind, shape, layout=layout), width * math.prod(shape))
+    return pool.take(request, lambda: ti.Vector.field(width, kind, shape, layout=layout), width * math.prod(shape))
 
 
 def record(struct: Any) -> Any:
     """A 0-D field of type `struct`."""
     members = ((name, str(getattr(kind, "dtype", kind)), getattr(kind, "n", 1)) for name, kind in struct.members.items())
-    return shelf.take(("record", *members), lambda: struct.field(shape=()), len(struct.members))
+    return pool.take(("record", *members), lambda: struct.field(shape=()), len(struct.members))
 
 
 def same(thing: Any) -> Any:
@@ -197,7 +199,7 @@ def same(thing: Any) -> Any:
 
     Things are frozen dataclasses and tuples of fields, numbers, names, functions, and of the like; anything else is only itself.
     """
-    return shelf.things.setdefault(mark(thing), thing)
+    return pool.things.setdefault(mark(thing), thing)
 
 
 def mark(thing: Any) -> Any:

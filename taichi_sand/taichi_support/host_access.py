@@ -19,7 +19,7 @@ from taichi.lang.matrix import MatrixField
 from taichi.lang.struct import StructField
 
 PLAIN = os.environ.get("TAICHI_SAND_PLAIN", "0") not in ("", "0")
-"""Whether Taichi is to be left as it is, in this and in world.haste: slower to start, to the same bits."""
+"""Whether Taichi is to be left as it is, in this and in taichi_support.tracing: slower to start, to the same bits."""
 CPUS = (ti.x64, ti.arm64)
 DENSE, ROOT = (getattr(ti._lib.core.SNodeType, name) for name in ("dense", "root"))
 

@@ -20,7 +20,7 @@ from taichi.lang import impl, misc
 from taichi_sand.errors import SandError
 from taichi_sand.taichi_support import compiling, field_pool, home
 from taichi_sand.taichi_support.host_access import CPUS
-from taichi_sand.taichi_support.tracing import hasten
+from taichi_sand.taichi_support.tracing import trace_quickly
 from taichi_sand.taichi_support.turns import turn
 
 GPUS = {"cuda": ti.cuda, "metal": ti.metal, "vulkan": ti.vulkan}
@@ -84,7 +84,7 @@ def start(user: Any, arch: str, threads: int | None, precision: int) -> Any:
 def renew(arch: str, threads: int | None, precision: int) -> None:
     """Starts Taichi afresh if it must be, or is full of what nobody uses any more; SandError if it must be and cannot."""
     wrong = misfit(arch, threads if threads or alive or not state.ours else cores(), precision)
-    full = state.stale or field_pool.shelf.numbers > ROOM or compiled() > MOST_KERNELS
+    full = state.stale or field_pool.pool.numbers > ROOM or compiled() > MOST_KERNELS
     if not wrong and (alive or not full):
         return
     if alive:
@@ -181,7 +181,7 @@ def leave() -> None:
 def settle(ours: bool) -> None:
     """From now on we live in the Taichi that runs."""
     leave()
-    hasten()
+    trace_quickly()
     compiling.watch()
     state.program, state.ours = impl.get_runtime(), ours
 
@@ -189,7 +189,7 @@ def settle(ours: bool) -> None:
 def done(user: Any) -> None:
     """`user` is closed. The memory of what nobody uses any more goes back to the system if it is much and nobody else has fields."""
     alive.discard(user)
-    if not alive and state.ours and field_pool.shelf.idle() > IDLE and not field_pool.others():
+    if not alive and state.ours and field_pool.pool.idle() > IDLE and not field_pool.others():
         ti.reset()
         leave()
         give_memory_back()

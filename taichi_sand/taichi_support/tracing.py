@@ -38,7 +38,7 @@ def lines_of(function: Any) -> tuple[list[str], int]:
 original = kernel_impl.getsourcelines
 
 
-def hasten() -> None:
+def trace_quickly() -> None:
     """Puts these in the place of Taichi's own, for all kernels compiled from now on in this process, unless PLAIN."""
     if PLAIN:
         return

@@ -35,7 +35,7 @@ def room_for(scene: Any) -> int:
 
 
 def grains_of(scene: Any, index: int, position: np.ndarray, radius: np.ndarray, angle: np.ndarray) -> dict[str, np.ndarray]:
-    """Grains of source `index` as census.add takes them: at `position` (n, 2), `radius` (n,) [m] of their discs, `angle` (n,)."""
+    """Grains of source `index` as edit.add takes them: at `position` (n, 2), `radius` (n,) [m] of their discs, `angle` (n,)."""
     source, count = scene.sources[index], len(radius)
     form = scene.form(source.shape)
     reach = form.reach * radius
@@ -168,7 +168,7 @@ def images(world: World) -> list[np.ndarray]:
 
 def settle(scene: Any, world: World, index: int, most: int, position: np.ndarray, radius: np.ndarray) -> dict[str, np.ndarray]:
     """As many of the next `most` grains of source `index` as find room one after the other among those at `position` (n, 2), of `radius`
-    (n,) [m], as census.add takes them.
+    (n,) [m], as edit.add takes them.
     """
     rng = np.random.default_rng([scene.seed, index, world.pace[None].done])  # a resumed run draws the same
     walls = wall_segments(world, scene)
