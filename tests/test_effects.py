@@ -74,7 +74,7 @@ def test_neutral_values_change_nothing(name: str) -> None:
     ends = []
     neutral = {effect: effects.module(effect).NEUTRAL for effect in effects.fitting(name) if effect != "friction"}
     # a longer reach lists more pairs, and Gauss-Seidel then takes them in another order
-    neutral["cohesion"] = {"bond": 0.0, "rupture": 0.001}
+    neutral["cohesion"] = {"bond_number": 0.0, "rupture": 0.001}
     assert len(neutral) >= 4
     for more in ({}, neutral):
         sim = simulate(discs, (0.11, 0.11), SOLVERS[name], gravity=(0, -9.81), effects={"friction": {"mu": 0.4}, **more})

@@ -25,7 +25,7 @@ def wall(kind: str, bond: float, height: float, seed: int = 0) -> tuple[sand.Sim
     size = [2.5 * width + height * D, 1.6 * height * D]
     front = {"points": [[width, 0.0], [width, size[1]]], "friction": 0.0}
     grains = {"radius": RADII, "fill": "hexagonal", "region": [0.0, 0.0, width, 1.12 * height * D]}
-    effects = {"friction": {"mu": 0.4}, "cohesion": {"bond": bond}, "sleeping": {}}
+    effects = {"friction": {"mu": 0.4}, "cohesion": {"bond_number": bond}, "sleeping": {}}
     solver = {"kind": kind, "tolerance": 0.02}
     scene = sand.Scene(size=size, grains=[grains], walls=[front], solver=solver, effects=effects, seed=seed)
     sim = sand.Simulation(scene, threads=1)
@@ -59,7 +59,7 @@ def critical_bond(kind: str, height: float, seed: int) -> tuple[float, float]:
     while stands(sim, width):
         bond *= 0.93
         assert bond > 0.25 * height, "it never falls"
-        sim.set("effects.cohesion.bond", bond)
+        sim.set("effects.cohesion.bond_number", bond)
         sim.advance(0.4)
     return bond, top
 

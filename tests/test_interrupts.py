@@ -67,7 +67,7 @@ def test_whole_after_an_interrupt(kind: str, count: int, wait: float) -> None:
 def whole_after_interrupts(kind: str, count: int, wait: float, rounds: int) -> None:
     """All agrees after Ctrl-C at random moments, and at the end it is where one without them is, bit for bit."""
     fresh_taichi()
-    effects = {"cohesion": {"bond": 2.0}, "moisture": {}} if count < 2000 else {}
+    effects = {"cohesion": {"bond_number": 2.0}, "moisture": {}} if count < 2000 else {}
     scene = bed(kind, count, **effects)
     sim, rng = sand.Simulation(scene, threads=1), np.random.default_rng(count)
     sim.advance_steps(3)  # all is compiled

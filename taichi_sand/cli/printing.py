@@ -90,7 +90,7 @@ def effect_lines(effects: Any) -> list[str]:
 
 
 def print_effects(scene: Any, rows: list[dict[str, Any]], tables: int, prices: dict[str, tuple[float, float]]) -> None:
-    """Prints what study.price found: `rows` of its inventory, bytes of all tables, and prices by variant if they were measured."""
+    """Prints what study.cost.price found: `rows` of its inventory, bytes of all tables, and prices by variant if they were measured."""
     table = Table("effect", "", "allocates", "loops of a step", "live parameters", *(["ns per grain and step"] if prices else []), box=None)
     for row in rows:
         name = row["name"]

@@ -16,11 +16,11 @@ from taichi_sand.world.extras.wetness import bridge_share
 from taichi_sand.world.geometry import at_least
 
 PARAMETERS = (
-    Parameter("bond", 5.0, "Bond number: pull of a bridge over the weight of a mean grain", low=0.0, high=1e4),
+    Parameter("bond_number", 5.0, "Bond number: pull of a bridge over the weight of a mean grain", low=0.0, high=1e4),
     Parameter("rupture", 0.1, "distance at which a bridge ruptures", "d", low=0.001, high=0.5, live=False),
 )
 SOLVERS = ("md", "rigid")
-NEUTRAL = {"bond": 0.0}
+NEUTRAL = {"bond_number": 0.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Cohesion:
         share = ti.select(middle > 0.0, at_least(0.0, 1.0 - middle / reach), 1.0)
         if ti.static(hasattr(w.carried, "wetness")):
             share *= bridge_share(w, p)
-        return ti.select(self.bridge[p] > 0.0, share * c.cohesion_bond * w.box[None].weight, 0.0)
+        return ti.select(self.bridge[p] > 0.0, share * c.cohesion_bond_number * w.box[None].weight, 0.0)
 
     @ti.func
     def normal(self, w: ti.template(), c: ti.template(), p, overlap):
@@ -54,7 +54,7 @@ class Cohesion:
         way = ti.select(overlap > 0.0, -overlap, gap - 0.5 * gap * gap / w.box[None].bridge)
         if ti.static(hasattr(w.carried, "wetness")):
             way *= bridge_share(w, p)
-        return ti.select(self.bridge[p] > 0.0, c.cohesion_bond * w.box[None].weight * way, 0.0)
+        return ti.select(self.bridge[p] > 0.0, c.cohesion_bond_number * w.box[None].weight * way, 0.0)
 
     @ti.func
     def min_normal_impulse(self, w: ti.template(), c: ti.template(), p, gap, middle):
@@ -74,7 +74,7 @@ def reach(values: dict) -> float:
 
 def pull(values: dict) -> float:
     """Strongest pull of a bridge, in weights of a mean grain."""
-    return values["bond"]
+    return values["bond_number"]
 
 
 def build(values: dict, columns: tuple, solver: str) -> Cohesion:

@@ -1,6 +1,6 @@
 """Heat: the energy that contacts take out of the motion warms the grains, and flows from grain to grain where they touch.
 
-Booked is all that the solver takes out at contacts, to the rounding of the numbers (world.ledger): restitution, friction, rolling
+Booked is all that the solver takes out at contacts, to rounding (world.extras.energy_ledger): restitution, friction, rolling
 resistance, torn bridges; and what bonds take: their dashpots, and all that a broken one held. Of molecular dynamics what springs hold is
 no heat (but for the spring of rolling resistance, until it gives it back).
 Walls and fixed grains take none. Two grains that touch even out their temperatures at the rate `conduction`: equal discs in a row

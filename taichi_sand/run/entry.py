@@ -1,4 +1,4 @@
-"""The doors of a simulation: who comes in through one has Taichi to itself meanwhile, see world.turns."""
+"""The doors of a simulation: who comes in through one has Taichi to itself meanwhile, see taichi_support.turns."""
 
 import contextlib
 import functools

@@ -1,4 +1,4 @@
-"""Tables that grow: what a search finds too small is made larger, in the same step, before anything has moved (world.table_room)."""
+"""Tables that grow: what a search finds too small is made larger, in the same step, before anything has moved (world.search.growth)."""
 
 from typing import Any
 

@@ -67,7 +67,7 @@ FLOW_SOFTNESS = 2.0
 TOO_SOFT = {"md": 0.03, "rigid": 0.08}
 """Softness of a flow: duration of a contact (md: of a collision; rigid: a step) times the speed that 99 % of the contacts keep below, over
 d. Above these numbers a slope of discs is some 10 % too fast with md (3.5 to 4 times the softness) or too slow with rigid
-(study.slope)."""
+(study.validate.slope)."""
 PUSH, IMPACT = 0.5, 0.3
 """Rigid: fastest separation of two overlapping grains, and slowest impact, in sqrt(g d) (physics.md D5). Of ten in one place those at the
 ends of a row part nearly twice as fast."""

@@ -24,7 +24,7 @@ CHUNK = 512
 """Taichi gives a CPU thread at least so many indices of a parallel loop: a loop over blocks takes steps of CHUNK to be dealt out at all."""
 PAIRS_PER_GRAIN, WALL_PAIRS_PER_GRAIN = 6, 3
 """Room in the pair table per disc to start with: equal discs have 3 pairs each (a pair is listed once), the rest is for the skin and
-small grains; a third of the discs at most lie at walls, and have six. Tables that turn out too small grow (world.table_room)."""
+small grains; a third of the discs at most lie at walls, and have six. Tables that turn out too small grow (world.search.growth)."""
 SPARE = 16
 """A block has room for the pairs of so many grains more than it holds: what one grain has may be far from the mean."""
 LANES = {
@@ -125,7 +125,7 @@ class World:
     flow: Any  # world.sinks.Flow, or None if grains neither come nor go
     flows: bool  # whether they do
     pace: Any  # 0-D world.tables.Pace: what the search allows the march
-    lacks: Any  # how many times as large the tables would have to be for what the last search found, by world.table_room; shape (KINDS,)
+    lacks: Any  # how many times as large the tables would have to be for what the last search found, by world.search.growth; shape (KINDS,)
     flags: Any  # world.flags: what went wrong
     count: Any  # 0-D i32: grains present, slots 0 .. count-1
     box: Any  # 0-D struct of box_type: sizes, gravity
@@ -172,7 +172,7 @@ def pace_type(real: Any) -> Any:
         on_step=ti.i32,  # steps between two looks of the effects that watch the grains; 0 = none does
         half=ti.i32,  # which half of the pair table is in use, 0 or 1
         searches=ti.i32,  # searches since the start
-        lacking=ti.i32,  # 1 = the last search found more than a table has room for, 2 = so after a few were woken; see world.table_room
+        lacking=ti.i32,  # 1 = the last search found more than a table has room for, 2 = so after a few were woken; see world.search.growth
         sight=real,  # how far from the centres of grains moving walls are looked for [m]
         step=real,  # h [s]
         speed_cap=real,  # [m/s]

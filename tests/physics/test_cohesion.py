@@ -16,7 +16,7 @@ SOLVERS = {
 BOND, RUPTURE = 5.0, 0.1
 ENERGY = BOND * M * G * RUPTURE * D / 2
 """F_c S_c / 2 [J]; without gravity the weight is that on earth."""
-WET = {"cohesion": {"bond": BOND, "rupture": RUPTURE}}
+WET = {"cohesion": {"bond_number": BOND, "rupture": RUPTURE}}
 MIDDLE = 0.05
 
 
@@ -31,7 +31,7 @@ def test_pull_off_force(name: str) -> None:
     """A disc hangs from a fixed one if F_c is 2 % above its weight, and falls if it is 2 % below."""
     for bond, hangs in ((0.98, False), (1.02, True)):
         discs = [Disc(MIDDLE, 0.08, fixed=True), Disc(MIDDLE, 0.08 - D + 1e-7)]
-        effects = {"cohesion": {"bond": bond, "rupture": RUPTURE}}
+        effects = {"cohesion": {"bond_number": bond, "rupture": RUPTURE}}
         sim = simulate(discs, (0.1, 0.1), SOLVERS[name], gravity=(0, -G), effects=effects)
         sim.advance(0.3)
         sunk = (0.08 - D - sim.positions[1, 1]) / D
@@ -67,7 +67,7 @@ def chain_holds(name: str, count: int) -> bool:
     """Whether a chain of `count` discs on bridges of 10 weights holds on a fixed one, loaded slowly: gravity grows from 0 in 2 s."""
     discs = [Disc(0.1, 0.48 - k * D * (1 - 1e-4), fixed=k == 0) for k in range(count + 1)]
     solver = {"md": {"kind": "md"}, "rigid": {"kind": "rigid", "tolerance": 0.01}}[name]
-    sim = simulate(discs, (0.2, 0.5), solver, gravity=(0, -G), effects={"cohesion": {"bond": 10.0, "rupture": RUPTURE}})
+    sim = simulate(discs, (0.2, 0.5), solver, gravity=(0, -G), effects={"cohesion": {"bond_number": 10.0, "rupture": RUPTURE}})
     for k in range(101):
         sim.world.box[None].gravity = (0.0, -G * k / 100)
         sim.advance(0.02)
@@ -85,7 +85,7 @@ def test_a_chain_loaded_slowly_holds_its_bond_number(name: str) -> None:
 def test_a_wet_heap_comes_to_rest() -> None:
     """Rigid discs of sizes +-20 %, Bo = 20, pull against one another everywhere: they rest as dry ones do, and do not shake."""
     grains = {"radius": [0.4 * D, 0.6 * D], "fill": "hexagonal", "region": [20 * D, 0.0, 40 * D, 12 * D]}
-    effects = {"friction": {"mu": 0.5}, "rolling": {"mu": 0.1}, "cohesion": {"bond": 20.0}}
+    effects = {"friction": {"mu": 0.5}, "rolling": {"mu": 0.1}, "cohesion": {"bond_number": 20.0}}
     sim = sand.Simulation(sand.Scene(size=[60 * D, 20 * D], grains=[grains], effects=effects, seed=1), threads=1)
     sim.advance(2.0)
     report = sim.report()

@@ -15,7 +15,8 @@ SOLVERS = {
     "rigid": {"kind": "rigid", "restitution": 0.4, "step": 2e-4, "tolerance": 0.001},
 }
 CAPACITY = 800.0
-ALL = {"friction": {"mu": 0.5}, "rolling": {"mu": 0.1}, "cohesion": {"bond": 20.0}, "heat": {"capacity": CAPACITY, "conduction": 5.0}}
+WET = {"friction": {"mu": 0.5}, "rolling": {"mu": 0.1}, "cohesion": {"bond_number": 20.0}}
+ALL = {**WET, "heat": {"capacity": CAPACITY, "conduction": 5.0}}
 
 
 def heat(sim, discs) -> float:

@@ -56,7 +56,7 @@ def test_bridges_hold_as_they_are_wet(kind: str) -> None:
     discs = [Disc(0.03 + 0.05 * k, 0.08, fixed=True) for k in range(len(shares))]
     discs += [Disc(disc.x, disc.y - D + 1e-7) for disc in discs]
     solver = RIGID if kind == "rigid" else {"kind": "md", "k_r": 2e6, "restitution": 0.3, "step": 5e-5}
-    effects = {"cohesion": {"bond": 1.25}, "moisture": {"wetness": 0.0, **STILL}}
+    effects = {"cohesion": {"bond_number": 1.25}, "moisture": {"wetness": 0.0, **STILL}}
     sim = simulate(discs, (0.4, 0.1), solver, gravity=(0, -G), effects=effects)
     for disc, share in zip(discs, shares, strict=False):
         sim.wet(disc.x, disc.y - R, D, share)
@@ -70,7 +70,7 @@ def test_sleepers_wake_when_their_bridges_dry() -> None:
     for rate in (3.0, 0.0):
         discs = [Disc(0.05, 0.08, fixed=True), Disc(0.05, 0.08 - D + 1e-7)]
         sleep = {"speed": 0.05, "time": 0.05}
-        effects = {"cohesion": {"bond": 2.0}, "moisture": {"wetness": 0.1, "evaporation": rate, **STILL}, "sleeping": sleep}
+        effects = {"cohesion": {"bond_number": 2.0}, "moisture": {"wetness": 0.1, "evaporation": rate, **STILL}, "sleeping": sleep}
         sim = simulate(discs, (0.1, 0.1), RIGID, gravity=(0, -G), effects=effects)
         sim.advance(0.5)
         assert sim.report()["grains_asleep"] == 2 and sim.positions[1, 1] > 0.08 - 1.1 * D

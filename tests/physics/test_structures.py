@@ -28,7 +28,7 @@ def test_pyramid_of_squares(kind: str) -> None:
     """C2: base 20, a minute: the top sinks by less than 0.5 % of the height, nothing turns, nothing creeps in the second half.
 
     The tolerance is what it takes: squares of four discs roll on one another like gears where they overlap by more than some 0.01 d
-    (study.hard_structures.squares).
+    (study.stress.hard_structures.squares).
     """
     half, base = 2 * R, 20
     rows = [[0.5 + (2 * k - (base - 1 - level)) * half, (2 * level + 1) * half, R] for level in range(base) for k in range(base - level)]

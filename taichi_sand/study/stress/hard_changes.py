@@ -147,10 +147,10 @@ def unphysical(solver: dict[str, Any]) -> Iterator[Gate]:
 @case("toggles", "wet to dry and back, friction taken away and given, the other solver, in a pile at rest (C26)")
 def toggles(solver: dict[str, Any]) -> Iterator[Gate]:
     """C26: no change makes a jump of more than 1e-2 m g d a grain."""
-    effects = {"friction": {"mu": 0.5}, "cohesion": {"bond": 5.0}}
+    effects = {"friction": {"mu": 0.5}, "cohesion": {"bond_number": 5.0}}
     sim = poured(200, 0.3, 0.3, solver, effects=effects)
     sim.advance(3.0)
-    for name, value in (("cohesion.bond", 0.0), ("cohesion.bond", 5.0), ("friction.mu", 0.0), ("friction.mu", 1.0)):
+    for name, value in (("cohesion.bond_number", 0.0), ("cohesion.bond_number", 5.0), ("friction.mu", 0.0), ("friction.mu", 1.0)):
         before = energy(sim), undone(sim)
         sim.set(f"effects.{name}", value)
         yield from no_jump(sim, f"{name} {value:g}", *before)

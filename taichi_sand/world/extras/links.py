@@ -181,7 +181,7 @@ def pull_of(w: ti.template(), i):
 @ti.func
 def settle_links(w: ti.template(), s: ti.template(), i, time, change):
     """The links of grain i pull it for `time` in a kick that changes its twist by `change`: what that takes out of its motion is heat, but
-    for its half of what they hold more than before. A link that breaks holds nothing any more. See world.ledger.
+    for its half of what they hold more than before. A link that breaks holds nothing any more. See world.extras.energy_ledger.
     """
     if ti.static(w.linked and s.books):
         links = ti.static(w.links)

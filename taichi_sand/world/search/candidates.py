@@ -101,7 +101,7 @@ def list_discs(w: ti.template(), i, j, a, b, reach, weight, row, last, lanes: ti
     if may_meet(apart, motion, rims.x + rims.y + w.box[None].bridge + w.pace[None].skin, w.pace[None].horizon):
         next_row = row + ti.static(max(lanes, 1))
         if ti.static(lanes > 0):
-            if row < last:  # what finds no room is counted all the same (world.table_room)
+            if row < last:  # what finds no room is counted all the same (world.search.growth)
                 write_row(w, row, i, j, a, b, reach, apart, rims, weight)
     return next_row
 

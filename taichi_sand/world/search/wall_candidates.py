@@ -89,7 +89,7 @@ def list_wall(w: ti.template(), i, a, e, way, row, last, listing: ti.template())
     if meets or (side == 1 and along.cross(reach) > 0.0):
         next_row += 1
         if ti.static(listing):
-            if row < last:  # what finds no room is counted all the same (world.table_room)
+            if row < last:  # what finds no room is counted all the same (world.search.growth)
                 pairs = ti.static(w.pairs)
                 pairs.slopes[wall_row(w, row)] = slopes
                 if ti.static(w.moves):

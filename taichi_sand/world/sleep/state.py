@@ -4,7 +4,7 @@ Slots 0 .. awake-1 are awake, the next `asleep` sleep, sorted by lattice site. T
 frozen in a third part of the pair table, with what they carry. A pair of a grain that is awake with a sleeper is listed as any other,
 first the one awake: the sleeper holds still, but with the mass that it has awake, so that neither its force nor its overlap changes.
 
-Falling asleep and waking are rare, and go through a search of everybody, after which who sleeps is chosen afresh (world.rest).
+Falling asleep and waking are rare, and go through a search of everybody, after which who sleeps is chosen afresh (world.sleep.fall_asleep).
 `origin` tells the search which slot a grain had when the pairs before were listed.
 """
 

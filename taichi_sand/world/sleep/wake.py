@@ -1,6 +1,6 @@
 """Waking a few: most sleepers sleep on, their pairs stay frozen, and what it costs goes with those who wake and those who move up.
 
-Not in cells: there all are woken, and those who may sleep are laid down again (world.rest).
+Not in cells: there all are woken, and those who may sleep are laid down again (world.sleep.fall_asleep).
 """
 
 import taichi as ti

@@ -2,7 +2,7 @@
 
 Every moving wall has a clock, and is where the scene says it is at the time that its clock shows (scene.moving). The clock keeps
 simulated time, unless grains are wedged between it and what it closes on, another wall or a fixed grain: a wall without `force` then
-slows down, waits and yields; one with `force` runs as that and what it meets make it (world.servo). Since the last search a wall has
+slows down, waits and yields; one with `force` runs as that and what it meets make it (world.walls.servo). Since the last search a wall has
 turned and shifted a little; its parts are listed anew, by lattice site, in every search.
 """
 

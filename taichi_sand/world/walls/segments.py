@@ -1,4 +1,4 @@
-"""The table of walls: their straight lines and ends (world.joints), listed for every lattice site they can be felt from."""
+"""The table of walls: their straight lines and ends (world.walls.joints), listed for every lattice site they can be felt from."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
