@@ -27,7 +27,7 @@ def make(kind: str):
 
 @pytest.mark.parametrize("kind", STEPS)
 def test_resumed_equals_uninterrupted(kind: str, tmp_path: Path) -> None:
-    """Saved in the middle of a search's life, with stretched springs, carried impulses and grains lost."""
+    """Saved in the middle of a list build's life, with stretched springs, carried impulses and grains lost."""
     first, second = STEPS[kind]
     sim = make(kind)
     sim.advance_steps(first)

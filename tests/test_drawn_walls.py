@@ -87,10 +87,10 @@ def inside(wall: np.ndarray) -> bool:
 
 
 def missed(sim: Any, walls: np.ndarray) -> int:
-    """Brute force: how many discs that overlap a line of a wall, where they project onto it, have no row of a wall in the pair table that
+    """Brute force: how many discs that overlap a line of a wall, where they project onto it, have no wall row in the neighbour list that
     is as deep.
     """
-    sim.renew()  # md keeps the gaps of the last search
+    sim.renew()  # md keeps the gaps of the last list build
     x, r, w = sim.positions, sim.radii, sim.world
     slots = np.argsort(w.grains.id.to_numpy()[: sim.count])
     deepest = np.full(sim.count, np.inf)

@@ -54,7 +54,7 @@ def interrupted(after: float, act: Callable[[], Any]) -> dict[str, float]:
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "count", "wait"), [("rigid", 1000, 0.01), ("md", 1000, 0.01), ("rigid", 33000, 0.1), ("md", 33000, 0.1)])
 def test_whole_after_every_interrupt(kind: str, count: int, wait: float) -> None:
-    """Thirty of thirty, at random moments: searches, pauses of an effect and looks at the depth among them."""
+    """Thirty of thirty, at random moments: list builds, pauses of an effect and looks at the depth among them."""
     whole_after_interrupts(kind, count, wait, MANY)
 
 

@@ -94,7 +94,7 @@ def test_time_can_run_slower_and_faster(box: Playing) -> None:
 
 
 def test_an_input_shows_within_two_frames(box: Playing) -> None:
-    """From the key to the cells of the search on the display, less what it takes to press a key and to look."""
+    """From the key to the cells of the cell list on the display, less what it takes to press a key and to look."""
     paused(box, False)
 
     def air() -> np.ndarray:

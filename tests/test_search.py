@@ -1,4 +1,4 @@
-"""The neighbour search against all pairs, on random, clustered, edge and periodic sets; and that nothing is missed later on."""
+"""The neighbour list against all pairs, on random, clustered, edge and periodic sets; and that nothing is missed later on."""
 
 import math
 
@@ -72,7 +72,7 @@ def test_search_lists_all_pairs(name: str, periodic: bool, precision: int) -> No
     start = sim.positions
     sim.advance_steps(1)
     assert sim.flags() == []
-    way = np.abs(sim.positions - start)  # since the search; what overlaps is pushed apart
+    way = np.abs(sim.positions - start)  # since the list build; what overlaps is pushed apart
     moved = float(np.hypot(*np.minimum(way, np.array(SIZE) - way).T).max())
     assert moved < 0.1 * float(sim.world.pace[None].skin)
     check(sim, periodic, 0.99 * float(sim.world.pace[None].skin) - 2 * moved)
@@ -142,12 +142,12 @@ def pair_forces(sim) -> dict[tuple[int, int], tuple[float, float]]:
 
 @pytest.mark.parametrize("kind", ["md", "rigid"])
 def test_forces_follow_their_pairs(kind: str) -> None:
-    """A search between two steps changes no pair's force: what is reported and drawn is what the pairs carried."""
+    """A list build between two steps changes no pair's force: what is reported and drawn is what the pairs carried."""
     random = np.random.default_rng(8)
     places = np.stack(np.meshgrid(np.arange(12) + 0.6, np.arange(12) + 0.6), -1).reshape(-1, 2) * 1.05 * D
     rows = [[*p, R * random.uniform(0.8, 1.0), *random.uniform(-0.2, 0.2, 2)] for p in places]
     sim = simulate([{"positions": rows}], SIZE, {"kind": kind}, gravity=(0, -9.81), mu=0.3)
-    searches = 0
+    list_builds = 0
     for _ in range(6):
         sim.advance(0.05)
         before = pair_forces(sim)
@@ -155,8 +155,8 @@ def test_forces_follow_their_pairs(kind: str) -> None:
         sim.world.pace[None].spent = 1
         sim.advance_steps(0)
         assert pair_forces(sim) == before
-        searches += 1
-    assert sim.world.pace[None].searches > searches
+        list_builds += 1
+    assert sim.world.pace[None].list_builds > list_builds
 
 
 def test_short_periodic_box_is_refused() -> None:

@@ -252,7 +252,7 @@ def test_a_moving_wall_wakes(kind: str) -> None:
 
 
 def test_off_lays_nothing_by() -> None:
-    """Without the effect there is no table of sleep, and the pair table has two parts."""
+    """Without the effect there is no table of sleep, and the neighbour list has two parts."""
     sim = bed("rigid", None)
     assert sim.world.sleep is None and sim.world.pairs.first.shape[0] == 2 * sim.world.half
     assert "grains_asleep" not in sim.report()

@@ -33,7 +33,7 @@ GROUPS = {
         "bonds": ("bonds that hold", ""),
         "bonds_broken": ("bonds broken", ""),
         "contacts": ("contacts", ""),
-        "pairs": ("pairs searched", ""),
+        "pairs": ("pairs in the neighbour list", ""),
         "coordination": ("contacts of a grain", ""),
         "packing_fraction": ("packing fraction", ""),
         "bed_height_m": ("bed height", "m"),

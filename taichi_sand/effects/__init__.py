@@ -9,7 +9,7 @@ a mean grain, push(values, world), by which it presses a mean grain against othe
 a scene, or "".
 build(values, columns, solver) makes the object whose methods are the hooks. HOOKS is the closed list of them; all but `on_pause` are
 ti.funcs that the solver folds into its own kernels. Their argument w is the world, c the numbers of the solver and the live parameters
-(`mu` of friction is c.friction_mu), p a row of the pair table.
+(`mu` of friction is c.friction_mu), p a row of the neighbour list.
 """
 
 import importlib

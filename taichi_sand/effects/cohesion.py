@@ -27,7 +27,7 @@ NEUTRAL = {"bond_number": 0.0}
 class Cohesion:
     """The effect as kernels see it."""
 
-    bridge: Any  # column of the pair table: 1 = there is a bridge
+    bridge: Any  # column of the neighbour list: 1 = there is a bridge
 
     @ti.func
     def pull(self, w: ti.template(), c: ti.template(), p, gap, middle):
@@ -63,7 +63,7 @@ class Cohesion:
 
 
 def memory(values: dict, solver: str) -> int:
-    """Columns of the pair table that the effect needs."""
+    """Columns of the neighbour list that the effect needs."""
     return 1
 
 

@@ -40,7 +40,7 @@ class Friction:
     """The effect as kernels see it."""
 
     model: str
-    spring: Any  # column of the pair table: stretch of the tangential spring [m]
+    spring: Any  # column of the neighbour list: stretch of the tangential spring [m]
 
     @ti.func
     def coefficient(self, w: ti.template(), c: ti.template(), p, wall: ti.template()):
@@ -94,7 +94,7 @@ class Friction:
 
 
 def memory(values: dict, solver: str) -> int:
-    """Columns of the pair table that the effect needs."""
+    """Columns of the neighbour list that the effect needs."""
     return 1 if solver == "md" and values["model"] == "spring" else 0
 
 

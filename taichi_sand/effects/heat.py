@@ -31,7 +31,7 @@ INTERVAL = 1 / 60
 class Heat:
     """The effect as kernels see it."""
 
-    held: Any  # md: column of the pair table, elastic energy that the pair holds [J]
+    held: Any  # md: column of the neighbour list, elastic energy that the pair holds [J]
     interval = INTERVAL
 
     @ti.func
@@ -81,7 +81,7 @@ def conduct(w: ti.template(), s: ti.template(), share: ti.template(), p, wall: t
 
 
 def memory(values: dict[str, Any], solver: str) -> int:
-    """Columns of the pair table that the effect needs."""
+    """Columns of the neighbour list that the effect needs."""
     return 1 if solver == "md" else 0
 
 

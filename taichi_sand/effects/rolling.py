@@ -33,7 +33,7 @@ ABOUT_CONTACT = 3.0
 class Rolling:
     """The effect as kernels see it."""
 
-    torque: Any  # column of the pair table: couple on the second grain, of the spring (md) or carried (rigid) [N m]
+    torque: Any  # column of the neighbour list: couple on the second grain, of the spring (md) or carried (rigid) [N m]
 
     @ti.func
     def couple(self, w: ti.template(), c: ti.template(), p, normal_force, roll, radius, stiffness, inertia):
@@ -62,7 +62,7 @@ class Rolling:
 
 
 def memory(values: dict, solver: str) -> int:
-    """Columns of the pair table that the effect needs."""
+    """Columns of the neighbour list that the effect needs."""
     return 1
 
 

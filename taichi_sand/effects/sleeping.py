@@ -1,7 +1,7 @@
 """Sleep: grains that rest cost nothing until something disturbs them.
 
 A grain falls asleep when it and all around it, within a lattice site (about two grains) each way, have been slower than `speed` for
-`time`. Sleepers stand still; no step and no search touches them, and the contacts at their border keep their force. They wake, with
+`time`. Sleepers stand still; no step and no list build touches them, and the contacts at their border keep their force. They wake, with
 the sites around theirs, when a grain is about to hit them, when the forces on them no longer balance (a neighbour pushes harder, or
 has gone), when a wall that moves comes near, when grains come or go by hand, when their liquid bridges dry or drown, and with any
 change of gravity or of a parameter. Grains of several discs sleep as discs do. Speeds are in sqrt(g d), d the mean diameter.

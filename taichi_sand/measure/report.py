@@ -2,7 +2,7 @@
 
 How the less obvious numbers are defined:
 
-`pairs` are listed by the search; `contacts` are the pairs whose surfaces overlap at the present positions, walls included; the
+`pairs` are those of the neighbour list; `contacts` are the pairs whose surfaces overlap at the present positions, walls included; the
 overlaps are theirs, as a fraction of the mean grain diameter d. Energies are in J, the potential one is -m g.x from the origin of
 the box (springs and bonds hold energy that is not in it). Momentum and angular momentum are of the grains that can move, the latter
 about the origin of the box and with their spins. Fixed grains have no mass and count in nothing but the contacts.

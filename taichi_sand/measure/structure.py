@@ -61,7 +61,7 @@ def moisture(world: World, out: np.ndarray) -> None:
 def order(world: World, out: np.ndarray) -> None:
     """psi6 = |mean of exp(6 i theta) over the neighbours| (physics.md B13): 1 in a hexagonal crystal, 0.37 at random places.
 
-    Neighbours are found afresh from the places, not from the pair table: that one depends on when it was made.
+    Neighbours are found afresh from the places, not from the neighbour list: that one depends on when it was made.
     """
     count = world.count[None]
     places = np.empty((max(count, 1), 3), np.float32)

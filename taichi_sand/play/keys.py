@@ -48,7 +48,7 @@ KEYS = (
     _look("c", "chains", "force chains"),
     _look("x", "forces", "contact forces as arrows"),
     _look("a", "velocities", "velocities as arrows"),
-    _look("g", "grid", "cells of the search"),
+    _look("g", "grid", "cells of the cell list"),
     _look("b", "bonds", "bonds"),
     _look("n", "asleep", "sleeping grains fainter"),
     _look("i", "hud", "numbers over the picture"),

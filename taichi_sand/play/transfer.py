@@ -35,7 +35,7 @@ def with_solver(scene: Scene, kind: str, home: Scene) -> Scene:
 
 
 def columns_of(sim: Simulation) -> list[str]:
-    """Name of every column of the pair table that follows a pair, in their order."""
+    """Name of every column of the neighbour list that follows a pair, in their order."""
     kind = sim.scene.solver.kind
     names = ["force"] + [f"{kind} {k}" for k in range(choose(kind).MEMORY)]
     for name, values in sim.effects.items():

@@ -1,4 +1,4 @@
-"""Tables that grow: what a search finds too small is made larger, in the same step, before anything has moved (world.search.growth)."""
+"""Tables that grow: what a list build finds too small is made larger, in the same step, before anything has moved (world.search.growth)."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ from taichi_sand.world.sleep.wake import clear_stale_rows_now
 from taichi_sand.world.tables import World
 
 STARTS = ("row_start", "wall_row_start")
-"""Columns that hold rows of the pair table."""
+"""Columns that hold rows of the neighbour list."""
 
 
 def rooms_of(world: World) -> Rooms:
@@ -24,8 +24,8 @@ def rooms_of(world: World) -> Rooms:
 
 
 def in_larger(name: str, values: np.ndarray, shape: tuple[int, ...], before: Sizes, after: Sizes) -> np.ndarray:
-    """The values of the field `name` of a simulation with pair tables of size `before`, as one with size `after` has them, in `shape`; as
-    they are if they are not of such a simulation.
+    """The values of the field `name` of a simulation with neighbour lists of size `before`, as one with size `after` has them, in `shape`;
+    as they are if they are not of such a simulation.
     """
     if name.endswith(STARTS):
         return before.moved(values, after).astype(values.dtype)
@@ -62,7 +62,7 @@ class Growing:
     _fields: Any
 
     def fit_tables(self) -> None:
-        """Larger tables, and all pairs listed again, if the last search found more than there is room for."""
+        """Larger tables, and all pairs listed again, if the last list build found more than there is room for."""
         woken = self.world.pace[None].lacking == 2
         if not self.world.pace[None].lacking:
             return
@@ -93,7 +93,7 @@ class Growing:
         give_back()
 
     def sizes_with(self, rooms: Rooms) -> Sizes:
-        """Sizes of its pair tables if they had this room."""
+        """Sizes of its neighbour lists if they had this room."""
         blocks = self.world.blocks.pair_start.shape[0]
         return sizes_of(rooms, self.world.capacity, blocks - int(self.world.sleeps or self.world.boulders > 0))
 

@@ -11,7 +11,7 @@ from taichi_sand.world.sources import room_for
 from taichi_sand.world.tables import PAIRS_PER_GRAIN, SPARE, STRIPS, round_up
 
 ROWS, NUMBERS = 66, 64
-"""Rows of the pair table a disc of a grain, and numbers a row, are never more."""
+"""Rows of the neighbour list a disc of a grain, and numbers a row, are never more."""
 FIXED = 8 * 2**20
 """Numbers that the smallest scene may have: what there is room for besides grains, such as walls and lattice sites."""
 GRAINS = ".0.grains.id"

@@ -1,4 +1,4 @@
-"""The main loop: search, march, until the time asked for; and the state of a simulation, to read and to keep."""
+"""The main loop: list build, march, until the time asked for; and the state of a simulation, to read and to keep."""
 
 import math
 import time
@@ -237,7 +237,7 @@ class Simulation(Growing, Tuning, Looking, Keeping, Readings):
 
     @changes
     def renew(self) -> None:
-        """Searches anew, after grains or walls have been changed by hand; what contacts that are gone carried is forgotten."""
+        """Builds the neighbour list anew, after grains or walls were changed by hand; what contacts that are gone carried is forgotten."""
         with self.clock.stage("march"):
             wake(self.world)
             self._search_anew()

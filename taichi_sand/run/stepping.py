@@ -1,4 +1,4 @@
-"""The march: steps, with the searches, looks and wakings that they need in between, in as few launches as the layout allows."""
+"""The march: steps, with the list builds, looks and wakings that they need in between, in as few launches as the layout allows."""
 
 import time
 from typing import Any
@@ -7,18 +7,18 @@ import taichi as ti
 
 from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.motion import close_step
-from taichi_sand.world.search.neighbour_list import progress, search
-from taichi_sand.world.sleep.fall_asleep import rearrange, search_whole
+from taichi_sand.world.search.neighbour_list import build_neighbour_list, progress
+from taichi_sand.world.sleep.fall_asleep import rearrange, rebuild_neighbour_list
 from taichi_sand.world.sleep.state import called, due_to_sleep
 from taichi_sand.world.sleep.wake import clear_stale_rows, wake_some
 
 BATCH = 8
-"""Steps of a large world between two looks at whether its search still holds; steps that find it spent do nothing."""
+"""Steps of a large world between two looks at whether its list build still holds; steps that find it spent do nothing."""
 LAUNCH = 0.1
 """About so long may a launch take [s]: nobody can interrupt it, nor read what is simulated meanwhile."""
 DEAREST = 300e-9
 """What a grain and step may cost with all that belongs to it, until it has been measured [s] (measured: 20 to 80 ns, and 240 more where
-every step needs a search)."""
+every step needs a list build)."""
 FIRST, MANY_WOKEN = 16, 4
 """The first launch gets a FIRST-th of the steps. One ends early when MANY_WOKEN times as many
 grains are awake as at its start, and 64 more."""
@@ -45,13 +45,13 @@ class Cadence:
 
 @noinline
 def make_ready(w: ti.template(), s: ti.template()):
-    """Wakes who is called, and makes the search that is due."""
+    """Wakes who is called, and makes the list build that is due."""
     if ti.static(w.sleeps):
         woken = called(w)
         if woken:
             wake_some(w)
         if w.pace[None].spent == 1:
-            search(w)
+            build_neighbour_list(w)
         if woken:
             if w.pace[None].lacking == 0:
                 clear_stale_rows(w)
@@ -59,7 +59,7 @@ def make_ready(w: ti.template(), s: ti.template()):
             else:
                 w.pace[None].lacking = 2
     elif w.pace[None].spent == 1:
-        search(w)
+        build_neighbour_list(w)
 
 
 @ti.func
@@ -98,11 +98,11 @@ def many_woken(w: ti.template(), most):
 
 @ti.kernel
 def steps_in_one(w: ti.template(), s: ti.template(), steps: ti.i32, most: ti.i32) -> ti.i32:
-    """`steps` steps with all searches they need, in one launch, on one thread (layout "one"); leaves the pairs of the moment. Fewer where
+    """`steps` steps with all list builds they need, in one launch, on one thread (layout "one"); leaves the pairs of the moment. Fewer if
     a grain gets too fast for their length (world.motion.guarded).
 
     Returns TO_SLEEP, EARLY or LACKING if it stopped early: somebody is to fall asleep, more than `most` are awake, or a table is too small
-    for what a search found.
+    for what a list build found.
     """
     why = DONE
     ti.loop_config(serialize=True)
@@ -129,7 +129,7 @@ def steps_in_one(w: ti.template(), s: ti.template(), steps: ti.i32, most: ti.i32
 
 @ti.kernel
 def step_alone(w: ti.template(), s: ti.template(), impacts: ti.template()):
-    """One step, its loops over blocks in parallel; nothing happens if a search is due. `impacts`: see solvers.rigid.step."""
+    """One step, its loops over blocks in parallel; nothing happens if a list build is due. `impacts`: see solvers.rigid.step."""
     s.step(w, s, impacts)
     close_step(w)
 
@@ -152,7 +152,7 @@ def may_be_calm(world: Any, solver: Any) -> bool:
 
 
 def compile_steps(world: Any, solver: Any) -> None:
-    """Compiles the steps of a large world: one that finds its search spent does nothing."""
+    """Compiles the steps of a large world: one that finds its list build spent does nothing."""
     if world.layout != "one":
         for impacts in (True, False)[: 1 + may_be_calm(world, solver)]:
             step_alone(world, solver, impacts)
@@ -214,7 +214,7 @@ def march_alone(sim: Any, done: int, end: int) -> None:
             on_step_alone(sim.world, sim.solver)
             looked = done
         if spent:
-            search_whole(sim)
+            rebuild_neighbour_list(sim)
         if sim.world.sleeps and now(sim.world.sleep.state, "due"):
             rearrange(sim)
             renew(sim.world, sim.solver)

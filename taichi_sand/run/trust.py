@@ -36,7 +36,7 @@ class Sizes:
     capacity: int
     last_slot: int
     last_grain: int  # the last slot stays empty
-    rows: int  # of the pair table, all its parts
+    rows: int  # of the neighbour list, all its parts
     last_row: int
     last_part: int  # of walls
     last_wall: int  # of those that move
@@ -138,7 +138,7 @@ INDICES: dict[str, tuple[Bound, Bound] | str] = {
     "sleep.state:due": FLAG,
     "sleep.state:seen": (0, LATEST),
     **{f"pace:{name}": FLAG for name in ("strayed", "spent", "impacts", "warm_start", "hit", "half", "short", "hasty", "moved")},
-    **{f"pace:{name}": (0, LATEST) for name in ("since", "done", "searches", "round")},
+    **{f"pace:{name}": (0, LATEST) for name in ("since", "done", "list_builds", "round")},
     "pace:lacking": SAME,
     "pace:on_step": SAME,
     "struck": (0, LATEST),  # marks of a round
@@ -236,7 +236,7 @@ def _of_boulders(world: World, start: np.ndarray) -> np.ndarray:
 
 
 def _beyond(world: World, name: str, kind: str, start: np.ndarray, end: np.ndarray) -> str:
-    """Whether runs of rows leave the part of the pair table that they are in, in words, or ""."""
+    """Whether runs of rows leave the part of the neighbour list that they are in, in words, or ""."""
     part = start // world.half * world.half
     low, high = (part, part + world.wall_base) if kind == "pair" else (part + world.wall_base, part + world.half)
     wrong = (end > start) & ((start < low) | (end > high))

@@ -278,7 +278,7 @@ def numbers(scene: Any, bed: Bed) -> dict[str, float]:
 
 
 def build(scene: Any, values: dict[str, float], live: dict[str, float], own: list, effects: tuple, world: World) -> MolecularDynamics:
-    """The solver for a world; `own` holds the columns of the pair table that MEMORY asked for, `live` the effects' live parameters."""
+    """The solver for a world; `own` holds the columns of the neighbour list that MEMORY asked for, `live` the effects' live parameters."""
     solver = scene.solver
     constants = fill_struct(constants_type(world.real, live), {**values, **live})
     stages = allocate_stages(world.real, world.capacity) if solver.integrator == "rk4" else None

@@ -87,7 +87,7 @@ class Rigid:
     """The solver as kernels see it."""
 
     constants: Any  # 0-D field of constants_type
-    reference: Any  # column of the pair table: slow reference of the normal force [N]
+    reference: Any  # column of the neighbour list: slow reference of the normal force [N]
     struck: Any  # of a grain: twice the last round of impacts of this step in which it was hit, plus 1 if they moved it; 0 = none, i32
     near: Any  # of a grain: twice the last round in which it may have got pairs of a grain that was hit
     effects: tuple
@@ -320,7 +320,7 @@ def numbers(scene: Any, bed: Bed) -> dict[str, float]:
 
 
 def build(scene: Any, values: dict[str, float], live: dict[str, float], own: list, effects: tuple, world: World) -> Rigid:
-    """The solver for a world; `own` holds the columns of the pair table that MEMORY asked for, `live` the effects' live parameters."""
+    """The solver for a world; `own` holds the columns of the neighbour list that MEMORY asked for, `live` the effects' live parameters."""
     constants = fill_struct(constants_type(world.real, live), {**values, **live})
     struck, near = field_pool.scalars(ti.i32, world.capacity), field_pool.scalars(ti.i32, world.capacity)
     return Rigid(constants, own[0], struck, near, effects, step, renew, any(hasattr(effect, "heat") for effect in effects))

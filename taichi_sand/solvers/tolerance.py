@@ -53,7 +53,7 @@ what shifts them (pyramids of squares shake after 14 steps with 20 rows, after 8
 LONGEST_FALL = 0.5
 """Rigid: no step is longer than this, in sqrt(d / g): at 0.7 grains of a pile are found outside the box, and have to be put back."""
 FASTEST = 0.95
-"""Rigid: speed cap in diameters a step. Two grains then approach by less in a step than a search can foresee, MOST_SLACK diameters."""
+"""Rigid: speed cap in diameters a step. Two grains then approach by less in a step than a list build can foresee, MOST_SLACK diameters."""
 FALL = 0.9
 """Rigid: share of the speed cap that a grain may reach before steps become shorter."""
 BELOW, ABOVE = 1 - 1e-6, 1.05

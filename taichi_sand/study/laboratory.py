@@ -176,7 +176,7 @@ def kinetic(sim: Any, discs: Sequence[Disc]) -> float:
 
 @dataclass
 class Contact:
-    """A row of the pair table: ids of the two grains (second: the wall part if `wall`), normal, gap [m] and force [N]."""
+    """A row of the neighbour list: ids of the two grains (second: the wall part if `wall`), normal, gap [m] and force [N]."""
 
     first: int
     second: int
@@ -186,7 +186,7 @@ class Contact:
 
 
 def listed(sim: Any) -> list[Contact]:
-    """All pairs that the last search listed, block by block."""
+    """All pairs that the last list build listed, block by block."""
     w = sim.world
     ids = w.grains.id.to_numpy()
     first, second, force, normal = (getattr(w.pairs, name).to_numpy() for name in ("first", "second", "force", "normal"))

@@ -53,7 +53,7 @@ def lay_lattice(size: tuple[float, float], diameter: float, count: int) -> tuple
 
 
 def check_periodic(scene: Any, pack: Pack, reach: float, gpu: bool) -> None:
-    """SandError if a periodic axis has room for less than three of the widest cells: a search could then pair two grains twice. Columns
+    """SandError if a periodic axis has room for less than three of the widest cells: a list build could then pair two grains twice. Columns
     of cells that are swept in colours come in twos, so there must be four.
     """
     if not len(pack):
@@ -125,7 +125,7 @@ def edges_of(scene: Any) -> dict[str, tuple[bool, ...]]:
 
 
 def rows_of(sizes: Sizes, rooms: Rooms) -> dict[str, int]:
-    """How the rows of the pair table are shared out, as members of a world."""
+    """How the rows of the neighbour list are shared out, as members of a world."""
     return {
         "half": sizes.half,
         "wall_base": sizes.wall_base,
@@ -153,7 +153,7 @@ def make_world(
 ) -> World:
     """World of `scene` with room for the grains of `pack` and `room` more, and for `wall_room` entries of walls.
 
-    `extra` columns of the pair table follow a pair; `carried` names the columns that follow a grain, and what a grain starts with;
+    `extra` columns of the neighbour list follow a pair; `carried` names the columns that follow a grain, and what a grain starts with;
     effects act on grains up to `reach` [d] apart, and tie the grains `links` (n, 2) together. Tables of pairs are no smaller than `rooms`.
     """
     layout, moves, driven = layout_of(gpu, len(pack)), bool(moving_walls(scene)), any(wall.force for wall in scene.walls)

@@ -90,7 +90,7 @@ def head(w: ti.template(), i):
 
 @ti.func
 def off_arc(w: ti.template(), i, time):
-    """How far the discs of grain i are at most off the straight paths, `time` after the search, on which it foresaw them to turn.
+    """How far the discs of grain i are at most off the straight paths, `time` after the list build, on which it foresaw them to turn.
 
     A disc at the arm a was foreseen to fly with spin x a; |R(turn) a - a - spin t perp(a)| <= |a| (|turn - spin t| + (spin t)^2 / 2).
     """

@@ -1,6 +1,6 @@
 """Grains that come, go, are held or let go while the simulation runs.
 
-Every change leaves the pair table as it is and asks for a search: the pairs that stay find their memory again.
+Every change leaves the neighbour list as it is and asks for a list build: the pairs that stay find their memory again.
 """
 
 from typing import Any
@@ -43,7 +43,7 @@ def put(w: ti.template(), numbers: ti.types.ndarray(), whole: ti.types.ndarray()
 
 @ti.kernel
 def drop(w: ti.template(), slots: ti.types.ndarray()):
-    """The next search takes these out."""
+    """The next list build takes these out."""
     ti.loop_config(serialize=True)
     for k in range(slots.shape[0]):
         w.grains.id[slots[k]] = -1

@@ -165,7 +165,7 @@ def radii(w: ti.template(), p, wall: ti.template()):
 
 @ti.func
 def moved(w: ti.template(), p, i, second: ti.template()):
-    """Shift of grain i of pair p since the search; of a clump plus the arm of its disc."""
+    """Shift of grain i of pair p since the list build; of a clump plus the arm of its disc."""
     shift = w.grains.shift[i]
     if ti.static(w.clumps):
         shift += turned(w, i, w.pairs.arms[p].zw if ti.static(second) else w.pairs.arms[p].xy)
@@ -181,7 +181,7 @@ def turned_by(pose, a):
 @ti.func
 def wall_now(w: ti.template(), p, q, side):
     """Point, `along` and `bounds` of wall pair p, row q of the wall-only columns, where the wall is now; the point from where the
-    grain was at the search [m].
+    grain was at the list build [m].
     """
     pairs = ti.static(w.pairs)
     reach, along, bounds = pairs.reach[p], pairs.along[q], pairs.bounds[q]

@@ -13,8 +13,8 @@ from taichi_sand.world.walls.motion import close_walls
 LARGEST_SQUARE = 1e36
 """32 bits hold no more than 3e38."""
 GROWTH_STEPS, SETTLING_STEPS = 8, 128
-"""Steps between two searches while pairs that were found deep in one another grow into place, or those whose stiffness has changed settle:
-a search is what makes them."""
+"""Steps between two list builds while pairs that were deep in each other grow into place, or those whose stiffness has changed settle:
+a list build is what makes them."""
 FASTEST_SURFACE = 4.0
 """No surface turns faster than this times the speed cap: between physical limits never met, it keeps what is not physical finite."""
 
@@ -130,7 +130,7 @@ def drift(w: ti.template(), start, end):
 
 @ti.func
 def close_step(w: ti.template()):
-    """Counts the step, and says whether the next one needs a search first."""
+    """Counts the step, and says whether the next one needs a list build first."""
     pace = ti.static(w.pace)
     if pace[None].spent == 0:
         if ti.static(w.moves):

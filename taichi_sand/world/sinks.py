@@ -30,7 +30,7 @@ def build_flow(scene: Any, real: Any) -> dict[str, Any]:
 
 @ti.func
 def drain(w: ti.template(), i, p):
-    """Takes grain i, at p, out if its centre is in a sink and it can move; the search then drops it."""
+    """Takes grain i, at p, out if its centre is in a sink and it can move; the list build then drops it."""
     for k in range(w.flow.sink.shape[0]):
         box = w.flow.sink[k]
         within = p.x >= box.x and p.y >= box.y and p.x <= box.z and p.y <= box.w

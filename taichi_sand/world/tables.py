@@ -4,7 +4,7 @@ Conventions, everywhere: +x right, +y up, angles counter-clockwise [rad], SI uni
 forces N), the normal of a pair points from its first to its second member, overlap > 0 (gap < 0) in contact.
 
 A position is kept in three parts, so that neither a large box nor a small step is lost to 32 bits: the lattice site (two integers),
-the offset from the centre of that site at the last search, and the shift since then:
+the offset from the centre of that site at the last list build, and the shift since then:
 position = (site + 1/2) * spacing + offset + shift.
 The grains lie sorted by grid cell (column by column, upwards); `id` tells which grain of the scene a slot holds.
 """
@@ -23,7 +23,7 @@ STRIPS = 64
 CHUNK = 512
 """Taichi gives a CPU thread at least so many indices of a parallel loop: a loop over blocks takes steps of CHUNK to be dealt out at all."""
 PAIRS_PER_GRAIN, WALL_PAIRS_PER_GRAIN = 6, 3
-"""Room in the pair table per disc to start with: equal discs have 3 pairs each (a pair is listed once), the rest is for the skin and
+"""Room in the neighbour list per disc to start with: equal discs have 3 pairs each (a pair is listed once), the rest is for the skin and
 small grains; a third of the discs at most lie at walls, and have six. Tables that turn out too small grow (world.search.growth)."""
 SPARE = 16
 """A block has room for the pairs of so many grains more than it holds: what one grain has may be far from the mean."""
@@ -49,32 +49,32 @@ FAR = 1e15
 class Grains(NamedTuple):
     """One row a grain, shape (capacity,); 2-vectors unless said otherwise."""
 
-    site: Any  # lattice site at the last search, i32
-    offset: Any  # place within the site at the last search, from its centre [m]
-    shift: Any  # moved since the last search [m]
+    site: Any  # lattice site at the last list build, i32
+    offset: Any  # place within the site at the last list build, from its centre [m]
+    shift: Any  # moved since the last list build [m]
     twist: Any  # motion: velocity x, y [m/s], spin [rad/s], 0; a 4-vector, so that one instruction moves it
-    start_velocity: Any  # velocity at the last search: the search has foreseen a straight flight with it [m/s]
-    angle: Any  # at the last search [rad], scalar, in -pi..pi
-    turn: Any  # turned since the last search [rad], scalar
+    start_velocity: Any  # velocity at the last list build: the list build has foreseen a straight flight with it [m/s]
+    angle: Any  # at the last list build [rad], scalar, in -pi..pi
+    turn: Any  # turned since the last list build [rad], scalar
     radius: Any  # of the disc, or of the circle about its centre of mass that holds a grain of several discs [m], scalar
     mobility: Any  # 1/mass, 1/mass [1/kg], 1/moment of inertia [1/(kg m2)], 0: a 4-vector; zeros = fixed
     wrench: Any  # contact force x, y and torque of this step [N, N, N m] (md), or the contact impulses to start the next step with
     #              [N s, N s, N m s] (rigid), 0: a 4-vector
-    id: Any  # index of the grain in the order in which they were made, i32 scalar; below 0 = the next search drops it
+    id: Any  # index of the grain in the order in which they were made, i32 scalar; below 0 = the next list build drops it
     kind: Any  # which [[grains]] table made it, or after them which of the [[sources]], i32 scalar
     heading: Any  # clumps only: cosine and sine of angle + turn
-    start_spin: Any  # clumps only: spin at the last search [rad/s], scalar
+    start_spin: Any  # clumps only: spin at the last list build [rad/s], scalar
 
 
 class Pairs(NamedTuple):
-    """One row a pair. Shape (2 * half,): one half is in use, the other keeps the pairs of the search before, so that memory can
+    """One row a pair. Shape (2 * half,): one half is in use, the other keeps the pairs of the list build before, so that memory can
     follow a pair. Within a half, rows from `wall_base` on are pairs of a disc and a wall; wall-only columns have their own halves.
     A row that is not needed holds the last slot twice, FAR apart.
     """
 
     first: Any  # slot of the first grain, i32
     second: Any  # slot of the second grain; of a wall pair the number of the wall part, i32
-    reach: Any  # from the first grain's centre to the second's (to a point of the wall) at the last search [m], 2-vector
+    reach: Any  # from the first grain's centre to the second's (to a point of the wall) at the last list build [m], 2-vector
     contact_distance: Any  # sum of the radii; less by what a pair that was found deep in one another has yet to grow [m]
     normal: Any  # unit 2-vector from first to second, of the last step in which the pair was looked at
     gap: Any  # distance of the surfaces [m], < 0 in contact, of the same moment
@@ -82,7 +82,7 @@ class Pairs(NamedTuple):
     root_mass: Any  # its square root, which damping coefficients go with
     mass_t: Any  # effective mass along the tangent, levers included [kg]
     force: Any  # [N] of the last step: x the normal force, pushing > 0; y the tangential one on the second along (-n_y, n_x)
-    memory: tuple  # the columns, of the solver and the effects, that follow the pair from search to search
+    memory: tuple  # the columns, of the solver and the effects, that follow the pair from list build to list build
     row_start: Any  # pairs whose first grain is in a slot: first row, the others follow `lanes` apart; shape (2 * capacity,), i32
     row_count: Any  # and how many
     wall_row_start: Any  # its pairs with walls, one after the other
@@ -91,7 +91,7 @@ class Pairs(NamedTuple):
     bounds: Any  # wall pairs: how far the foot point may slide along the wall; of an end the second direction that leads off
     slopes: Any  # wall pairs: by how much both bounds shift for every metre that the grain is to the left of the line
     side: Any  # wall pairs: side of the wall the grain is on, +1 left of `along`, -1 right; 0 = an end of a wall
-    hinge: Any  # wall pairs, if walls move: from the grain's centre to the pivot of the wall at the last search [m]
+    hinge: Any  # wall pairs, if walls move: from the grain's centre to the pivot of the wall at the last list build [m]
     driven: Any  # wall pairs, if walls have a force: the next row of such a wall, -1 = this was the last; i32
     discs: Any  # clumps only, as all that follow: number of the first grain's disc times clumps.MOST, plus that of the second's, i32
     arms: Any  # of the two discs, each in the frame of its grain [m], 4-vector
@@ -124,15 +124,15 @@ class World:
     moves: bool  # whether a wall does
     flow: Any  # world.sinks.Flow, or None if grains neither come nor go
     flows: bool  # whether they do
-    pace: Any  # 0-D world.tables.Pace: what the search allows the march
-    lacks: Any  # how many times as large the tables would have to be for what the last search found, by world.search.growth; shape (KINDS,)
+    pace: Any  # 0-D world.tables.Pace: what the list build allows the march
+    lacks: Any  # by how much larger the tables would have to be for what the last list build found (world.search.growth); shape (KINDS,)
     flags: Any  # world.flags: what went wrong
     count: Any  # 0-D i32: grains present, slots 0 .. count-1
     box: Any  # 0-D struct of box_type: sizes, gravity
     periodic: tuple[bool, bool]
     open_edges: tuple[bool, bool, bool, bool]  # left, right, bottom, top
     capacity: int  # grain slots; the last stays empty
-    half: int  # rows of one half of the pair table
+    half: int  # rows of one half of the neighbour list
     wall_base: int  # row within a half where wall pairs begin
     wall_half: int  # rows of one half of the wall-only columns
     turns: bool  # whether anything can turn a grain
@@ -147,7 +147,7 @@ class World:
     boulders: int  # rows for the pairs of boulders, the last of those before `wall_base`; 0 = there are none
     boulder_walls: int  # and for those with walls, the last of a half
     discs: int  # of the grain that has most
-    rows: int  # of the pair table, a grain
+    rows: int  # of the neighbour list, a grain
     wall_rows: int  # and of its part for walls
     layout: str  # of the sweep: "one", "strips" or "cells"
     lanes: int  # runs that a block's pairs are dealt from
@@ -159,10 +159,10 @@ def pace_type(real: Any) -> Any:
     """Struct of what lets the march go on until the next search."""
     return ti.types.struct(
         skin=real,  # pairs closer than this on their foreseen paths are listed [m]
-        horizon=real,  # time for which the search has foreseen the paths [s]
-        since=ti.i32,  # steps since the search
+        horizon=real,  # time for which the list build has foreseen the paths [s]
+        since=ti.i32,  # steps since the list build
         strayed=ti.i32,  # 1 = a grain, or a wall that moves, is off its foreseen path by half the skin
-        spent=ti.i32,  # 1 = search before the next step
+        spent=ti.i32,  # 1 = list build before the next step
         impacts=ti.i32,  # rigid: 1 = some pair may collide in this step
         warm_start=ti.i32,  # rigid: 1 = the impulses carried over are yet to be applied in this step
         hit=ti.i32,  # rigid: 1 = some pair did, in the last round
@@ -170,9 +170,9 @@ def pace_type(real: Any) -> Any:
         round=ti.i32,  # rigid: the round of impacts in this step, from 1 on
         done=ti.i32,  # steps since the start
         on_step=ti.i32,  # steps between two looks of the effects that watch the grains; 0 = none does
-        half=ti.i32,  # which half of the pair table is in use, 0 or 1
-        searches=ti.i32,  # searches since the start
-        lacking=ti.i32,  # 1 = the last search found more than a table has room for, 2 = so after a few were woken; see world.search.growth
+        half=ti.i32,  # which half of the neighbour list is in use, 0 or 1
+        list_builds=ti.i32,  # neighbour-list builds since the start
+        lacking=ti.i32,  # 1 = the last list build found more than a table has room for, 2 = after a few were woken (world.search.growth)
         sight=real,  # how far from the centres of grains moving walls are looked for [m]
         step=real,  # h [s]
         speed_cap=real,  # [m/s]
@@ -180,9 +180,9 @@ def pace_type(real: Any) -> Any:
         hasty=ti.i32,  # 1 = some grain is
         deep=real,  # md: a pair found at a larger overlap has not come there by itself [m] (world.memory.yield_deep)
         growth=real,  # md: how fast the surfaces of such a pair grow to where they are [m/s]
-        grown=real,  # md: how far they have since the search before [m]
+        grown=real,  # md: how far they have since the list build before [m]
         settling=real,  # md: how fast pairs whose stiffness has changed go back to the sum of their radii [m/s]
-        settled=real,  # md: how far they have since the search before [m]
+        settled=real,  # md: how far they have since the list build before [m]
         spare=real,  # md: by so many times their overlap they may stay less: contacts are that much stiffer than the bed at rest needs
         short=ti.i32,  # md: 2 = some pair has not grown so far yet, 1 = has not settled yet
     )
@@ -244,8 +244,8 @@ def allocate_grains(real: Any, rows: int, clumps: bool) -> Grains:
 def allocate_pairs(
     real: Any, capacity: int, half: int, wall_half: int, extra: int, parts: int, clumps: bool, moves: bool, driven: bool
 ) -> Pairs:
-    """Empty pair table of two halves, or with sleepers three parts, for `capacity` grains, with `extra` columns that follow a pair from
-    search to search, as its force does: what is read between a search and the next step is then still what the pair carries.
+    """Empty neighbour list of two halves, or with sleepers three parts, for `capacity` grains, with `extra` columns that follow a pair from
+    list build to list build, as its force does: what is read between a list build and the next step is then still what the pair carries.
     """
     rows = parts * half
     force = field_pool.vectors(2, real, rows)

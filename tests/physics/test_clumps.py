@@ -123,7 +123,7 @@ def test_conservation(name: str) -> None:
     before = sim.report()
     sim.advance(0.2)
     after = sim.report()
-    assert sim.world.pace[None].searches > 3 and after["kinetic_energy_J"] < 0.95 * before["kinetic_energy_J"]
+    assert sim.world.pace[None].list_builds > 3 and after["kinetic_energy_J"] < 0.95 * before["kinetic_energy_J"]
     masses = 3 * M
     scale = masses * np.hypot(*sim.velocities.T).sum()
     assert np.abs(np.subtract(after["momentum_Ns"], before["momentum_Ns"])).max() < 1e-13 * scale
@@ -205,7 +205,7 @@ def test_nothing_is_missed(name: str) -> None:
 
 
 def listed_discs(sim: sand.Simulation, discs: int) -> set[tuple[int, int]]:
-    """Pairs of discs that the last search listed; disc k of grain i is i * discs + k."""
+    """Pairs of discs that the last list build listed; disc k of grain i is i * discs + k."""
     w = sim.world
     rows = slice(w.blocks.pair_start[0], w.blocks.pair_end[0])
     ids = w.grains.id.to_numpy()

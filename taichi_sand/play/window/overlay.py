@@ -68,7 +68,7 @@ class Overlay:
         self.lines(canvas, np.concatenate([arrows(middle[seen], sign * way[seen]) for sign in (1, -1)]), 1.2, FORCE)
 
     def grid(self, canvas: np.ndarray) -> None:
-        """The cells that the search sorted the grains into."""
+        """The cells that the cell list sorted the grains into."""
         p, grid = self.painter, self.world.grid
         columns, rows = int(grid.columns[None]), int(grid.rows[None])
         x, y = (np.linspace(0, side, count + 1) for side, count in ((p.width, columns), (p.height, rows)))

@@ -60,7 +60,7 @@ def inventory(sim: Simulation) -> list[dict[str, Any]]:
 
 
 def sleep_bytes(world: Any) -> int:
-    """Bytes of the tables of sleep: its own, and the third part of the pair table."""
+    """Bytes of the tables of sleep: its own, and the third part of the neighbour list."""
     pairs = {id(field): field for field in (*world.pairs, *world.pairs.memory) if hasattr(field, "shape")}
     thirds = [field for field in pairs.values() if field.shape[0] in (3 * world.half, 3 * world.wall_half)]
     return sum(map(bytes_of, world.sleep)) + sum(map(bytes_of, thirds)) // 3

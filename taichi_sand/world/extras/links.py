@@ -1,4 +1,4 @@
-"""Links: which grains an effect ties together, kept by grain, since the search moves grains from slot to slot.
+"""Links: which grains an effect ties together, kept by grain, since the list build moves grains from slot to slot.
 
 Before the forces of a step are summed, the force of every link is found once, each link on its own; then every grain adds up those of
 its links, in a fixed order. So links need no colours and no atomics, reach as far as they like, and pull both ends exactly alike.
@@ -22,8 +22,8 @@ class Links(NamedTuple):
     ends: Any  # ids of both grains, i32 2-vector
     rest: Any  # distance of their centres at the start [m]
     whole: Any  # 1 = holds, 0 = broken, i32
-    slots: Any  # of both grains since the last search, -1 = gone, i32 2-vector
-    reach: Any  # from the first centre to the second at the last search [m], 2-vector
+    slots: Any  # of both grains since the last list build, -1 = gone, i32 2-vector
+    reach: Any  # from the first centre to the second at the last list build [m], 2-vector
     mass: Any  # effective mass along the link [kg]
     force: Any  # on the second grain, in this step [N], 2-vector
     last: Any  # 1 = this is the step in which it breaks, i32
@@ -74,7 +74,7 @@ def build_links(ends: np.ndarray | None, grains: Any, real: Any) -> Links | None
 
 @ti.func
 def find_links(w: ti.template()):
-    """In a search, after the sort: the slots of both ends of every link, and the way between them."""
+    """In a list build, after the sort: the slots of both ends of every link, and the way between them."""
     g, links = ti.static(w.grains, w.links)
     ti.loop_config(serialize=w.layout != "cells")
     for id in range(links.slot.shape[0]):

@@ -1,4 +1,4 @@
-"""Grains near one another, looked at closely: those of their discs that may meet before the next search get a row of the pair table."""
+"""Candidates looked at closely: discs of theirs that may meet before the next list build get a row of the neighbour list."""
 
 import taichi as ti
 
@@ -108,7 +108,7 @@ def list_discs(w: ti.template(), i, j, a, b, reach, weight, row, last, lanes: ti
 
 @ti.func
 def write_row(w: ti.template(), row, i, j, a, b, reach, apart, rims, weight):
-    """One row of the pair table for disc a of grain i and disc b of grain j, which are `apart`, their grains `reach`."""
+    """One row of the neighbour list for disc a of grain i and disc b of grain j, which are `apart`, their grains `reach`."""
     g = ti.static(w.grains)
     pairs = ti.static(w.pairs)
     radii = rims.x + rims.y

@@ -1,6 +1,6 @@
-"""Room in the tables of pairs: as much as what a search finds is likely to need, and more when it finds more.
+"""Room in the tables of pairs: as much as what a list build finds is likely to need, and more when it finds more.
 
-A search that runs out of rows goes on counting, and writes nothing beyond the end. The march then stops before anything has moved; the
+A list build that runs out of rows goes on counting, and writes nothing beyond the end. The march then stops before anything has moved; the
 simulation takes larger tables, to which all that there is is copied, and only the listing is made again (growing.Growing). So a contact
 is never missed, and what pairs carry is kept.
 """
@@ -40,7 +40,7 @@ NO_ROOMS = Rooms()
 
 
 class Sizes(NamedTuple):
-    """How the rows of a pair table are shared out."""
+    """How the rows of a neighbour list are shared out."""
 
     wall_base: int  # row within a half where pairs with walls begin
     wall_half: int  # rows of one half of the wall-only columns
@@ -68,7 +68,7 @@ class Sizes(NamedTuple):
 
 
 def sizes_of(rooms: Rooms, capacity: int, blocks: int) -> Sizes:
-    """Sizes of a pair table for so many grains, and blocks of the sweep."""
+    """Sizes of a neighbour list for so many grains, and blocks of the sweep."""
     shares = capacity + SPARE * min(blocks, STRIPS)
     base, walls = rooms.rows * shares + rooms.boulders, rooms.walls * shares + rooms.boulder_walls
     return Sizes(base, walls, rooms.boulders, rooms.boulder_walls)
@@ -88,6 +88,6 @@ def foreseen(
 
 @ti.func
 def lack(w: ti.template(), kind: ti.template(), need, room):
-    """A search needs `need` rows where there is room for `room`."""
+    """A list build needs `need` rows where there is room for `room`."""
     ti.atomic_max(w.lacks[kind], ti.cast(need, w.real) / ti.max(room, 1))
     w.pace[None].lacking = 1

@@ -21,11 +21,11 @@ BOULDER = 3.0
 MOST_BOULDERS, LEAST_OTHERS = 256, 16
 """Only so many can be listed apart, and only if there are so many other grains for each: else all go into cells."""
 LAYERS = 5.0
-"""Room for pairs, in layers of mean grains around a boulder: those that touch it, that may before the next search, and smaller ones."""
+"""Room for pairs, in layers of mean grains around a boulder: those that touch it, that may before the next list build, and smaller ones."""
 
 
 def part_boulders(radius: np.ndarray, discs: int) -> tuple[float, int]:
-    """Of grains with these radii [m] and up to so many discs: diameter of the largest that is no boulder [m], and rows of the pair table
+    """Of grains with these radii [m] and up to so many discs: diameter of the largest that is no boulder [m], rows of the neighbour list
     for the pairs of boulders; 0 = there are none.
     """
     apart = radius > BOULDER * np.median(radius)

@@ -1,4 +1,4 @@
-"""The search: sorts the grains into cells and lists the pairs that may touch before the next search.
+"""The neighbour-list build: sorts the grains into cells and lists the pairs that may touch before it is built again.
 
 A grain is foreseen to fly straight on; a pair is listed if on these paths it comes closer than the skin within the horizon. The list
 holds until the horizon is reached or a grain has left its foreseen path by half the skin. So grains that fall together cost no search.
@@ -26,14 +26,14 @@ from taichi_sand.world.walls.servo import drives, link_driven
 LEAST_SKIN, MOST_SKIN = 0.04, 0.5
 LEAST_SLACK, GOOD_SLACK, MOST_SLACK = 0.10, 1.0, 2.0
 """Skin, and how much two grains may approach one another within the horizon, in mean diameters: more than GOOD_SLACK only where they do
-so in one step, as cells grow with it and a search of large cells costs more than several of small ones."""
+so in one step, as cells grow with it and a list build of large cells costs more than several of small ones."""
 SKIN = 10.0
-"""Skin / d = sqrt(SKIN u), u the spread of velocities times h / d. Every listed pair costs in every step, a search once in skin / u
-steps: their sum is least for a skin that goes with the root of u (measured: a search costs as much as some 30 looks at a pair)."""
+"""Skin / d = sqrt(SKIN u), u the spread of velocities times h / d. Every listed pair costs in every step, a list build once in skin / u
+steps: their sum is least for a skin that goes with the root of u (measured: a list build costs as much as some 30 looks at a pair)."""
 SHARES = 16384
 """Threads that look for the extremes of the velocities on a GPU: each of them has to wait for the others once."""
 STEPS_AHEAD = 16
-"""Steps the search tries to foresee; more cost larger cells."""
+"""Steps the list build tries to foresee; more cost larger cells."""
 MOST_REACH = 2 * MOST_SLACK + MOST_SKIN
 """How far from its surface a grain may have to know of a wall, in mean diameters: it flies at most 2 MOST_SLACK in the horizon."""
 
@@ -85,7 +85,7 @@ def foresee(w: ti.template()):
     pace.grown = ti.cast(pace.since, w.real) * pace.step * pace.growth
     pace.settled = ti.cast(pace.since, w.real) * pace.step * pace.settling
     pace.since, pace.strayed, pace.spent, pace.short = 0, 0, 0, 0
-    pace.searches += 1
+    pace.list_builds += 1
     pace.impacts = 1
     pace.half = 1 - pace.half
     w.pace[None] = pace
@@ -256,8 +256,8 @@ def call_before_impact(w: ti.template(), i, q):
 
 
 @ti.func
-def search(w: ti.template()):
-    """The whole search, to be called at the top level of a kernel or, for the layout "one", inside a serial loop."""
+def build_neighbour_list(w: ti.template()):
+    """The whole list build, to be called at the top level of a kernel or, for the layout "one", inside a serial loop."""
     count = present(w)
     foresee(w)
     assign_cells(w)
@@ -273,7 +273,7 @@ def search(w: ti.template()):
 
 @ti.func
 def list_all(w: ti.template()):
-    """The part of a search that may be made again: lists all pairs of the grains as they are sorted now."""
+    """The part of a list build that may be made again: lists all pairs of the grains as they are sorted now."""
     if ti.static(w.moves):
         ti.loop_config(serialize=True)
         for _run in range(1):
@@ -302,9 +302,9 @@ def list_all(w: ti.template()):
 
 
 @ti.kernel
-def search_now(w: ti.template()):
-    """One search, its loops over blocks in parallel."""
-    search(w)
+def build_neighbour_list_now(w: ti.template()):
+    """One list build, its loops over blocks in parallel."""
+    build_neighbour_list(w)
 
 
 @ti.kernel
@@ -315,7 +315,7 @@ def list_again(w: ti.template()):
 
 @ti.kernel
 def progress(w: ti.template()) -> ti.types.vector(3, ti.i32):
-    """Whether a search is due, how many steps are done, and whether a grain is too fast for their length: together, as a GPU is waited for
+    """Whether a list build is due, how many steps are done, and whether a grain is too fast for them: together, as a GPU is waited for
     at every look.
     """
     return ti.Vector([w.pace[None].spent, w.pace[None].done, w.pace[None].hasty])

@@ -1,4 +1,4 @@
-"""Memory of pairs: what a pair carried before the search, found again by its grains."""
+"""Memory of pairs: what a pair carried before the list build, found again by its grains."""
 
 import taichi as ti
 
@@ -25,7 +25,7 @@ def discs_of(w: ti.template(), row):
 
 @ti.func
 def remember(w: ti.template(), row, i, j):
-    """Gives the pair of i and j the memory it had before the search; none if it is new."""
+    """Gives the pair of i and j the memory it had before the list build; none if it is new."""
     discs = discs_of(w, row)
     old = recall(w, w.pairs.row_start, w.pairs.row_count, w.grid.source[i], w.grid.source[j], discs, w.lanes)
     if old < 0:
@@ -47,7 +47,7 @@ def remember_wall(w: ti.template(), row, i, part, two_sided):
 
 @ti.func
 def recall(w: ti.template(), row_start: ti.template(), row_count: ti.template(), first, second, discs, apart: ti.template()):
-    """Row of the search before that held these discs of (first, second), slots of that search; -1 if there is none."""
+    """Row of the list build before that held these discs of (first, second), slots of that list build; -1 if there is none."""
     found = -1
     slot = (1 - w.pace[None].half) * w.capacity + first
     step = apart

@@ -1,4 +1,4 @@
-"""The part of the search that is about walls: lists the discs of a grain with the parts of walls that they may meet."""
+"""The part of the list build that is about walls: lists the discs of a grain with the parts of walls that they may meet."""
 
 import taichi as ti
 
@@ -100,7 +100,7 @@ def list_wall(w: ti.template(), i, a, e, way, row, last, listing: ti.template())
 
 @ti.func
 def write_wall_row(w: ti.template(), row, i, a, part, reach, arm, along, bounds, kind):
-    """One row of the pair table for disc a of grain i and a wall part, `reach` from the disc, which is at `arm` from the grain."""
+    """One row of the neighbour list for disc a of grain i and a wall part, `reach` from the disc, which is at `arm` from the grain."""
     g = ti.static(w.grains)
     pairs = ti.static(w.pairs)
     k = wall_row(w, row)

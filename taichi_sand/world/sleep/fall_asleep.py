@@ -7,7 +7,7 @@ import taichi as ti
 from taichi_sand.world.extras.grain_columns import move_along
 from taichi_sand.world.geometry import add, perp, position, wall_row
 from taichi_sand.world.search.cell_list import permute
-from taichi_sand.world.search.neighbour_list import search_now
+from taichi_sand.world.search.neighbour_list import build_neighbour_list_now
 from taichi_sand.world.search.prefix_sum import prefix_sum, put_in_order
 from taichi_sand.world.sleep.state import ASLEEP, MOST_PRICE, home, shake, site_of, sleep_pays, sleeper_block
 from taichi_sand.world.sleep.wake import clear_stale_rows_now, wake_some_now
@@ -18,33 +18,33 @@ from taichi_sand.world.tables import World
 def rearrange(sim: Any) -> None:
     """Wakes the sleepers that are called, and lays those down that have been still; the solver of `sim` knows how long that is."""
     if sim.world.layout == "strips" and wake_some_now(sim.world):
-        search_whole(sim)
+        rebuild_neighbour_list(sim)
         clear_stale_rows_now(sim.world)
         return
     wake_all(sim.world, 0)
-    search_whole(sim)
+    rebuild_neighbour_list(sim)
     fall_asleep(sim.world, sim.solver)
-    search_whole(sim)
+    rebuild_neighbour_list(sim)
 
 
-def search_whole(sim: Any) -> None:
-    """One search, between launches; the world of `sim` gets larger tables if it needs them."""
-    search_now(sim.world)
+def rebuild_neighbour_list(sim: Any) -> None:
+    """One list build, between launches; the world of `sim` gets larger tables if it needs them."""
+    build_neighbour_list_now(sim.world)
     sim.fit_tables()
 
 
 def wake(world: World) -> None:
     """Wakes everybody: after a change by hand, of gravity or of a parameter, and before grains come or go by hand. The next march makes
-    tables larger that this search has found too small.
+    tables larger that this list build has found too small.
     """
     if world.sleeps and world.sleep.state[None].asleep:
         wake_all(world, 1)
-        search_now(world)
+        build_neighbour_list_now(world)
 
 
 @ti.kernel
 def wake_all(w: ti.template(), everybody: ti.i32):
-    """Makes all grains awake, for the next search; those at woken sites, or everybody, also forget that they were still."""
+    """Makes all grains awake, for the next list build; those at woken sites, or everybody, also forget that they were still."""
     sleep = ti.static(w.sleep)
     awake, asleep = sleep.state[None].awake, sleep.state[None].asleep
     first = w.count[None] - asleep
@@ -84,7 +84,7 @@ def get_up(w: ti.template(), j, i, everybody):
 
 @ti.kernel
 def fall_asleep(w: ti.template(), s: ti.template()):
-    """After a search of everybody: chooses who sleeps, puts them behind the others, and freezes their pairs."""
+    """After a list build of everybody: chooses who sleeps, puts them behind the others, and freezes their pairs."""
     state = ti.static(w.sleep.state)
     before = 0
     ti.loop_config(serialize=w.layout != "cells")
@@ -159,7 +159,7 @@ def may_sleep(w: ti.template(), i, patience):
 
 @ti.func
 def freeze(w: ti.template()):
-    """Copies the pairs among sleepers, and of sleepers with walls, to the third part of the pair table."""
+    """Copies the pairs among sleepers, and of sleepers with walls, to the third part of the neighbour list."""
     sleep, pairs = ti.static(w.sleep, w.pairs)
     awake, count, half = sleep.state[None].awake, w.count[None], w.pace[None].half
     ti.loop_config(serialize=w.layout != "cells")

@@ -1,11 +1,11 @@
-"""Sleep: grains that have been still lie behind the others in the grain table, and no loop of a step or a search runs over them.
+"""Sleep: grains that have been still lie behind the others in the grain table, and no loop of a step or a list build runs over them.
 
 Slots 0 .. awake-1 are awake, the next `asleep` sleep, sorted by lattice site. The pairs among sleepers, and of sleepers with walls, are
-frozen in a third part of the pair table, with what they carry. A pair of a grain that is awake with a sleeper is listed as any other,
+frozen in a third part of the neighbour list, with what they carry. A pair of a grain that is awake with a sleeper is listed as any other,
 first the one awake: the sleeper holds still, but with the mass that it has awake, so that neither its force nor its overlap changes.
 
-Falling asleep and waking are rare, and go through a search of everybody, after which who sleeps is chosen afresh (world.sleep.fall_asleep).
-`origin` tells the search which slot a grain had when the pairs before were listed.
+Falling asleep and waking are rare, and go through a list build of all, after which who sleeps is chosen afresh (world.sleep.fall_asleep).
+`origin` tells the list build which slot a grain had when the pairs before were listed.
 """
 
 from typing import Any, NamedTuple
@@ -52,7 +52,7 @@ def state_type(real: Any) -> Any:
     return ti.types.struct(
         awake=ti.i32,
         asleep=ti.i32,
-        moved=ti.i32,  # 1 = slots have been rearranged since the last search
+        moved=ti.i32,  # 1 = slots have been rearranged since the last list build
         due=ti.i32,  # 1 = somebody must wake, or a slot has fallen empty, before the next step
         seen=ti.i32,  # steps done when it was looked last
         owed=real,  # steps of single grains that those who could have slept have cost
@@ -217,7 +217,7 @@ def sleeper_block(w: ti.template()):
 
 @ti.func
 def translate(w: ti.template()):
-    """In a search, after the sort: `source` is the slot of each grain when the pairs before were listed."""
+    """In a list build, after the sort: `source` is the slot of each grain when the pairs before were listed."""
     sleep, grid = ti.static(w.sleep, w.grid)
     awake, count = sleep.state[None].awake, 0
     if sleep.state[None].moved == 1:
@@ -229,7 +229,7 @@ def translate(w: ti.template()):
 
 @ti.func
 def settle(w: ti.template()):
-    """At the end of a search: the frozen pairs are found by the slots of the sleepers, in either half, and make up a block."""
+    """At the end of a list build: the frozen pairs are found by the slots of the sleepers, in either half, and make up a block."""
     sleep, pairs = ti.static(w.sleep, w.pairs)
     asleep, moved = sleep.state[None].asleep, sleep.state[None].moved
     first = w.count[None] - asleep

@@ -14,7 +14,7 @@ from taichi_sand.world.sleep.state import due_to_sleep, home, sleeper_block
 
 @ti.func
 def wake_some(w: ti.template()):
-    """Puts the sleepers at woken sites behind those awake; a search of the awake and `clear_stale_rows` must follow."""
+    """Puts the sleepers at woken sites behind those awake; a list build of the awake and `clear_stale_rows` must follow."""
     last = w.count[None]
     first = last - w.sleep.state[None].asleep
     end = number_anew(w, first, last)
@@ -122,7 +122,7 @@ def move_up(w: ti.template(), first: ti.i32, end: ti.i32):
 
 @noinline
 def clear_stale_rows(w: ti.template()):
-    """Empties the frozen rows of pairs of which one member is awake: the search has listed them anew, with what they carried."""
+    """Empties the frozen rows of pairs of which one member is awake: the list build has listed them anew, with what they carried."""
     b = sleeper_block(w)
     first = w.count[None] - w.sleep.state[None].asleep
     for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):

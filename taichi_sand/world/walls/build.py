@@ -136,7 +136,7 @@ def write_parts(movers: Movers, parts: list[Part]) -> None:
 
 
 def change_walls(world: World, before: Any, after: Any) -> None:
-    """Puts the walls of scene `after` in the place of those of `before`, for the next search; SandError if there is no room for them.
+    """Puts the walls of scene `after` in the place of those of `before`, for the next list build; SandError if there is no room for them.
 
     What grains carry on parts that stay is remembered.
     """

@@ -8,7 +8,7 @@ from taichi_sand.world.walls.motion import pivot_at
 
 @ti.func
 def cast_walls(w: ti.template()):
-    """In a search: lists the moving parts at every lattice site from whose cell a grain may meet them. What lies farther
+    """In a list build: lists the moving parts at every lattice site from whose cell a grain may meet them. What lies farther
     outside the box, in a direction that is not periodic, meets nobody.
     """
     movers = ti.static(w.movers)

@@ -2,8 +2,8 @@
 
 Every moving wall has a clock, and is where the scene says it is at the time that its clock shows (scene.moving). The clock keeps
 simulated time, unless grains are wedged between it and what it closes on, another wall or a fixed grain: a wall without `force` then
-slows down, waits and yields; one with `force` runs as that and what it meets make it (world.walls.servo). Since the last search a wall has
-turned and shifted a little; its parts are listed anew, by lattice site, in every search.
+slows down, waits and yields; one with `force` runs as that and what it meets make it (world.walls.servo). Since the last
+list build a wall has turned and shifted a little; its parts are listed anew, by lattice site, in every one.
 """
 
 from collections.abc import Sequence
@@ -45,11 +45,11 @@ class Movers(NamedTuple):
     mass: Any  # of a wall with force [kg]
     way: Any  # its course, a unit 2-vector
     speed: Any  # along it at rate 1 [m/s]
-    age: Any  # what the clock showed at the last search [s], wide
+    age: Any  # what the clock showed at the last list build [s], wide
     since: Any  # what it has gone on since [s]
     rate: Any  # how fast it goes in this step
     onward: Any  # how fast a wall with force goes into the next one
-    hinge: Any  # where the pivot was at the last search [m], 2-vector
+    hinge: Any  # where the pivot was at the last list build [m], 2-vector
     phase: Any  # of the shaking then [rad]
     start: Any  # motion then: velocity of the pivot x, y and spin, 0; 4-vector
     pose: Any  # cosine and sine of the turn, and the shift of the pivot, since; 4-vector
@@ -71,7 +71,7 @@ class Movers(NamedTuple):
     site: Any  # its site
     arm: Any  # from the centre of the site to the pivot [m], 2-vector
     count: Any  # 0-D i32: entries in use
-    first: Any  # 0-D i32: a row of the pair table of a wall with force, -1 = none; see Pairs.driven
+    first: Any  # 0-D i32: a row of the neighbour list of a wall with force, -1 = none; see Pairs.driven
     driven: bool  # whether any wall has a force
 
 
@@ -201,7 +201,7 @@ def held_up(w: ti.template()):
 
 @ti.func
 def start_walls(w: ti.template()):
-    """In a search: where the moving walls are is where they start from now. Returns their fastest point [m/s] and spin [rad/s]."""
+    """In a list build: where the moving walls are is where they start from now. Returns their fastest point [m/s] and spin [rad/s]."""
     movers = ti.static(w.movers)
     fastest = ti.Vector([0.0, 0.0])
     for m in range(movers.walls[None]):

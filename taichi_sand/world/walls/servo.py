@@ -4,7 +4,7 @@ Such a wall takes what its force and the contacts with grains make of it: M dv/d
 course, and no faster than its velocity either way. P is a rising function of the rate, made of all contacts with the wall, so the
 rate is the root of one equation. Without mass the contacts bear exactly F, or the wall runs at its velocity: a rate that answers to
 the last step's P instead would press with many times F before it has slowed down, the lighter the wall the more.
-The rows of the pair table that such walls are in are linked to one another in every search; one thread goes along them.
+The rows of the neighbour list that such walls are in are linked to one another in every list build; one thread goes along them.
 """
 
 from typing import Any
@@ -28,7 +28,7 @@ def rounding(world: Any) -> float:
 
 @ti.func
 def link_driven(w: ti.template()):
-    """In a search: links the rows of walls with `force`, in the order of the table. Their grains are awake. Not where the table is too
+    """In a list build: links the rows of walls with `force`, in the order of the table. Their grains are awake. Not where the table is too
     small for its rows: they are listed again.
     """
     movers, pairs, blocks = ti.static(w.movers, w.pairs, w.blocks)
