@@ -76,7 +76,7 @@ def step_effects(solver: Any) -> list[Any]:
 
 @ti.func
 def on_step(w: ti.template(), s: ti.template()):
-    """Lets these effects look."""
+    """Runs that hook."""
     for effect in ti.static(step_effects(s)):
         effect.on_step(w, s)
 
@@ -136,7 +136,7 @@ def step_alone(w: ti.template(), s: ti.template(), impacts: ti.template()):
 
 @ti.kernel
 def on_step_alone(w: ti.template(), s: ti.template()):
-    """Lets effects look, between steps."""
+    """Runs the hook `on_step` of effects, between steps."""
     on_step(w, s)
 
 

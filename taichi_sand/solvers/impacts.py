@@ -10,12 +10,12 @@ from taichi_sand.solvers.impulses import (
     friction_bound,
     give,
     load_of,
-    look,
     meeting,
     min_normal_impulse,
     slip_by,
     slip_of,
     tangential_mass,
+    update_contact,
 )
 from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.extras.energy_ledger import drive, settle_work
@@ -239,7 +239,7 @@ def carry_over(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti
             if ti.static(not wall):
                 add(w.grains.wrench, j, sign * second)
         if turn == 0:
-            look(w, s, c, p, wall)
+            update_contact(w, s, c, p, wall)
 
 
 @ti.func

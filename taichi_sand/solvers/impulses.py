@@ -80,7 +80,7 @@ def meeting(w: ti.template(), p, wall: ti.template()):
 
 
 @ti.func
-def look(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
+def update_contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
     """Normal and gap of pair p, where its grains have moved to."""
     i = w.pairs.first[p]
     distance, normal = distance_to_second(w, p, i, wall)

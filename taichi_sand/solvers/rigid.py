@@ -21,13 +21,13 @@ from taichi_sand.solvers.impulses import (
     arms,
     friction_bound,
     give,
-    look,
     meeting,
     min_normal_impulse,
     resist_rolling,
     slip_by,
     slip_of,
     store_impulse,
+    update_contact,
 )
 from taichi_sand.solvers.tolerance import rigid_numbers
 from taichi_sand.taichi_support import field_pool
@@ -294,7 +294,7 @@ def step(w: ti.template(), s: ti.template(), impacts: ti.template()):
         each_grain(w, kick, s, c)
         collide_all(w, s, c)
     if ti.static(sweeps_join(w)):
-        sweep_twice(w, warm_start if ti.static(impacts) else kick, (solve,), move, (look, relax), s, going)
+        sweep_twice(w, warm_start if ti.static(impacts) else kick, (solve,), move, (update_contact, relax), s, going)
     else:
         each_grain(w, warm_start if ti.static(impacts) else kick, s, c)
         if ti.static(drives(w)):
@@ -306,10 +306,10 @@ def step(w: ti.template(), s: ti.template(), impacts: ti.template()):
         if ti.static(w.moves):
             place_walls(w, 1.0, 0.5)
         if ti.static(w.layout == "cells"):
-            each_pair(w, look, s, c, going)
+            each_pair(w, update_contact, s, c, going)
             sweep(w, (relax,), nothing, s, c, going)
         else:
-            sweep(w, (look, relax), nothing, s, c, going)
+            sweep(w, (update_contact, relax), nothing, s, c, going)
         if ti.static(drives(w)):
             bear(w, s, press_hard, relax_driven, keep_driven, False)
 
