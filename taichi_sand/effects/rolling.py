@@ -22,7 +22,7 @@ TURNS = True
 STIFFNESS = 2.25
 """Rolling stiffness over mu_r² k R² (Ai et al. 2011)."""
 MOST_STIFFNESS = 0.25
-"""And at most this over k R², so that the spring never asks for a smaller step than the contact itself."""
+"""Largest rolling stiffness over k R²: the spring never asks for a smaller step than the contact itself."""
 DASHPOT = 0.3
 """Damping ratio of the rolling spring; Ai et al. use 0.3 too."""
 ABOUT_CONTACT = 3.0

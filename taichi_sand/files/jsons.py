@@ -16,7 +16,7 @@ def as_text(thing: Any) -> str:
 
 
 def finite(thing: Any) -> Any:
-    """The same with None in the place of numbers that are not finite."""
+    """`thing` with None in the place of numbers that are not finite."""
     if isinstance(thing, dict):
         return {key: finite(value) for key, value in thing.items()}
     if isinstance(thing, list | tuple):

@@ -23,7 +23,7 @@ OVER = ("grains", "carried", "links", "count", "flags", "movers", "flow")
 SNAP = 0.1
 """Bonds switched on on the way hold what is as far apart as at the start, to this share."""
 ROWS = ("pairs", "blocks")
-"""And these, where both structures list pairs in tables of the same sizes."""
+"""Taken over as well where both structures list pairs in tables of the same sizes."""
 
 
 def with_solver(scene: Scene, kind: str, home: Scene) -> Scene:

@@ -194,7 +194,7 @@ def march(sim: Any, done: int, end: int) -> None:
 
 
 def march_in_one(sim: Any, done: int, end: int) -> None:
-    """The same in one launch, or a few."""
+    """March of the layout "one": one launch, or a few."""
     most = MANY_WOKEN * awake(sim.world) + 64
     while (why := steps_in_one(sim.world, sim.solver, end - done, most)) in (TO_SLEEP, LACKING):
         if why == LACKING:
@@ -206,7 +206,7 @@ def march_in_one(sim: Any, done: int, end: int) -> None:
 
 
 def march_alone(sim: Any, done: int, end: int) -> None:
-    """The same with launches of single steps."""
+    """March of the other layouts: launches of single steps."""
     every, looked, start, before = now(sim.world.pace, "on_step"), done, time.perf_counter(), done
     while True:
         spent, done, hasty = progress(sim.world)

@@ -136,7 +136,7 @@ def _push(position: np.ndarray, radius: np.ndarray, count: int, pairs: tuple[np.
 def _push_off(
     position: np.ndarray, radius: np.ndarray, walls: np.ndarray, pairs: tuple[np.ndarray, np.ndarray]
 ) -> tuple[np.ndarray, float]:
-    """The same off walls."""
+    """Pushes discs that overlap walls off them."""
     disc, wall = pairs
     distance, away = off_walls(position[disc], walls[wall])
     size = np.maximum(radius[disc] * (1 + MARGIN) - distance, 0.0)

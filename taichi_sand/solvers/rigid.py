@@ -237,13 +237,13 @@ def press(w: ti.template(), s: ti.template(), c: ti.template(), p, m, soft: ti.t
 
 @ti.func
 def press_softly(w: ti.template(), s: ti.template(), c: ti.template(), p, m, time):
-    """The same in the first sweep."""
+    """What wall pair p resists the course of wall m with in the first sweep, see `press`."""
     return press(w, s, c, p, m, True)
 
 
 @ti.func
 def press_hard(w: ti.template(), s: ti.template(), c: ti.template(), p, m, time):
-    """The same in the second one."""
+    """What wall pair p resists the course of wall m with in the second sweep, see `press`."""
     return press(w, s, c, p, m, False)
 
 
@@ -255,7 +255,7 @@ def solve_driven(w: ti.template(), s: ti.template(), c: ti.template(), p):
 
 @ti.func
 def relax_driven(w: ti.template(), s: ti.template(), c: ti.template(), p):
-    """The same in the second sweep."""
+    """Solves pair p of a wall with `force` in the second sweep."""
     project(w, s, c, p, True, False, False)
 
 
@@ -267,7 +267,7 @@ def keep_driven(w: ti.template(), s: ti.template(), c: ti.template(), p):
 
 @ti.func
 def store_impulse_again(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
-    """The same for what the pair carried last, as a pair function of a sweep."""
+    """Stores the impulse that pair p carried last, as a pair function of a sweep."""
     store_impulse(w, s, c, p, w.pairs.force[p] * c.step, wall, False)
 
 

@@ -20,7 +20,7 @@ from taichi_sand.world.sweep import every_pair
 QUIET = 0.1
 """A pair collides if it moves faster than this share of the speed that its contact could give it."""
 MORE = 3.0
-"""And if it presses with so many times the force that the bed asks for: a collision at its deepest hardly moves."""
+"""A pair collides, too, if it presses with so many times the force that the bed asks for: a collision at its deepest hardly moves."""
 
 
 @ti.func

@@ -8,8 +8,8 @@ from taichi_sand.solvers.bed import EARTH, Bed, lasting
 CONTACT_STEPS = 20
 """Steps of molecular dynamics in a collision."""
 ELASTIC, ELASTIC_STEPS = 0.995, 50
-"""And for restitutions above ELASTIC. The step in which two grains meet costs or gives up to (pi h / t_c)^2 / 4 of their energy by chance,
-0.6 % with 20 steps: as much as such a contact is to take."""
+"""Steps of a collision at restitutions above ELASTIC. The step in which two meet costs or gives up to (pi h / t_c)^2 / 4
+of their energy by chance, 0.6 % with 20 steps: as much as such a contact is to take."""
 STEP_LIMIT = 0.18
 """Largest stable step over the collision time, for the densest packings with tangential springs (physics.md D1)."""
 MOST_DAMPING = 5.0
@@ -27,8 +27,8 @@ MD_CHAINS = 2.3
 """A bed bears its weight on chains of contacts, not evenly: its worst hundredth of overlaps is so many times that of a column of its
 depth (1.2 to 2.2, the more the stiffer; settle, 25 and 58 grains deep)."""
 RIGID_LOAD = 0.85
-"""The same for the rigid solver, times what the slow reference impulse leaves of the sag: a bed that has come to rest keeps half of the
-tolerance at its worst hundredth, a column a fifth of it; before the reference has followed it is 1.5 times the tolerance."""
+"""Rigid solver: load of the worst hundredth over that of a column, times what the slow reference impulse
+leaves of the sag: a bed that has come to rest keeps half of the tolerance at its worst hundredth, a column a fifth of it; before the reference has followed it is 1.5 times the tolerance."""
 SOFT_HERTZ = 0.25
 """Frequency of the soft contact times h; stiffer contacts jitter (physics.md D4)."""
 SOFT_DAMPING, CLUMP_DAMPING = 20.0, 5.0

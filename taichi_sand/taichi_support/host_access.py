@@ -143,7 +143,7 @@ class DirectVectors(Direct, MatrixField):
 
 
 def adopt(field: Any) -> Any:
-    """The same field, of a struct all its members, read and written directly from now on, unless PLAIN."""
+    """This field, of a struct all its members, read and written directly from now on, unless PLAIN."""
     if isinstance(field, StructField):
         for member in field._members:
             adopt(member)

@@ -166,7 +166,7 @@ def forget() -> None:
 
 
 def abandon() -> None:
-    """The same, and simulations that somebody still holds are none any more."""
+    """Forgets Taichi as `forget` does, and simulations that somebody still holds are none any more."""
     alive.clear()
     forget()
 

@@ -47,7 +47,7 @@ def flag(w: ti.template(), kind: ti.template(), grain_id):
 
 
 def raise_flag(world: Any, kind: int, number: int) -> None:
-    """The same from the host, between launches."""
+    """Raises flag `kind` for grain `number` from the host, between launches."""
     rows = world.flags.to_numpy()
     rows[kind] = rows[kind, 0] + 1, min(rows[kind, 1], world.pace[None].done), min(rows[kind, 2], number)
     world.flags.from_numpy(rows)

@@ -61,7 +61,7 @@ def run_pairs(w: ti.template(), s: ti.template(), one: ti.template(), wall: ti.t
 
 @ti.func
 def run_block(w: ti.template(), b, pair: ti.template(), s: ti.template(), c: ti.template()):
-    """The same, of a solver."""
+    """The functions pair = (f, …) of a solver on all pairs of block b, each compiled by itself; see `sweep_block`."""
     if ti.static(isinstance(pair, tuple)):
         for one in ti.static(pair):
             for wall in ti.static((False, True)):
@@ -246,7 +246,7 @@ def pairs_awake(w: ti.template(), pair: ti.template(), s: ti.template(), c: ti.t
 
 @ti.func
 def every_pair(w: ti.template(), pair: ti.template(), s: ti.template(), c: ti.template()):
-    """The same on all pairs: those among sleepers, which know no colours, come last, one after the other."""
+    """pair(w, s, c, row, wall) on all pairs: those among sleepers, which know no colours, come last, one after the other."""
     pairs_awake(w, pair, s, c)
     if ti.static(w.sleeps):
         ti.loop_config(serialize=True)

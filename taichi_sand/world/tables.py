@@ -42,7 +42,7 @@ nothing, and cost where the world no longer fits the caches, as a processor fetc
 ABREAST = 16
 """Grains that are looked at together: a vector of the widest processors."""
 FEW_ABREAST = 4
-"""The same in the layout "cells": about what three cells hold."""
+"""Grains looked at side by side in the layout "cells": about what three cells hold."""
 FAR = 1e15
 
 

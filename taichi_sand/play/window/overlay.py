@@ -11,7 +11,7 @@ from taichi_sand.world import edit
 ARROW = 2.0
 """Length of the longest arrow, in mean diameters."""
 LEAST = 14.0
-"""And at least this many pixels."""
+"""Least length of the longest arrow, in pixels."""
 HEAD = 0.35
 """Length of an arrow's head over its own."""
 RING = 48

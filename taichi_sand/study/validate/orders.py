@@ -103,8 +103,9 @@ def thrown(problem: Problem, time: float) -> tuple[np.ndarray, np.ndarray, float
 
 
 def bonded(problem: Problem, time: float, step: float) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
-    """The same for discs that swing about their rest on the floor, with random phases, for 2.7 swings in whole steps [s]: after
-    whole ones the velocity that symplectic Euler started half a step late would seem right.
+    """Heights, velocities, duration and exact final velocities of discs that swing about their rest on the floor, with
+    random phases, for 2.7 swings in whole steps [s]: after whole ones the velocity that symplectic Euler started half a step late would
+    seem right.
     """
     rest = M * G_BOND / problem.k_r
     decay = problem.k_d / (2 * M)

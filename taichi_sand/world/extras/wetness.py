@@ -21,7 +21,7 @@ def bond_share(wetness):
 
 @ti.func
 def bridge_share(w: ti.template(), p):
-    """The same for pair p: by the mean of its two grains, or by the grain alone on a wall."""
+    """Share of its pull that the bridge of pair p has: by the mean of its two grains, or by the grain alone on a wall."""
     wetness = w.carried.wetness[w.pairs.first[p]]
     if p % w.half < w.wall_base:
         wetness = 0.5 * (wetness + w.carried.wetness[w.pairs.second[p]])

@@ -176,7 +176,9 @@ def count_through(w: ti.template(), cells, count):
 
 @ti.func
 def count_abreast(w: ti.template()):
-    """The same, all grains at once. They come into their cells as threads have it, and are put in order there, but for those who left."""
+    """First slot of every cell, and who comes to every slot: all grains at once. They come into their cells as threads have it, and are put
+    in order there, but for those who left.
+    """
     grid = ti.static(w.grid)
     for c in range(grid.start.shape[0]):
         grid.start[c] = 0

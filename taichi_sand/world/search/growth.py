@@ -61,7 +61,7 @@ class Sizes(NamedTuple):
         return part * to.half + new
 
     def moved_walls(self, rows: np.ndarray, to: "Sizes") -> np.ndarray:
-        """The same for rows of the wall-only columns."""
+        """Rows of the wall-only columns, (n,), where they are in tables of size `to`."""
         part, row = np.divmod(rows, self.wall_half)
         last = self.wall_half - self.boulder_walls
         return part * to.wall_half + np.where(row >= last, row - last + to.wall_half - to.boulder_walls, row)

@@ -37,7 +37,9 @@ def remember(w: ti.template(), row, i, j):
 
 @ti.func
 def remember_wall(w: ti.template(), row, i, part, two_sided):
-    """The same for a pair with a wall; a grain also remembers on which side of a line it was. Returns the row it was in, or -1."""
+    """Gives a wall pair the memory it had before the list build; a grain also remembers on which side of a line it was. Returns the row
+    it was in, or -1.
+    """
     old = recall(w, w.pairs.wall_row_start, w.pairs.wall_row_count, w.grid.source[i], part, discs_of(w, row), 1)
     if old >= 0 and two_sided:
         w.pairs.side[wall_row(w, row)] = w.pairs.side[wall_row(w, old)]

@@ -130,7 +130,7 @@ def shake(w: ti.template()):
 
 @ti.func
 def call_by_walls(w: ti.template()):
-    """And who sleeps there is to wake."""
+    """Marks sites where a wall that moves may meet sleepers: they are to wake."""
     sleep = ti.static(w.sleep)
     if sleep.state[None].asleep > 0:
         for e in range(w.movers.count[None]):

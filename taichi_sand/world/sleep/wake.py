@@ -24,7 +24,7 @@ def wake_some(w: ti.template()):
 
 @ti.kernel
 def wake_some_now(w: ti.template()) -> ti.i32:
-    """The same by itself. Returns 0, and does nothing, if others are to fall asleep."""
+    """Wakes the sleepers at woken sites, as a kernel. Returns 0, and does nothing, if others are to fall asleep."""
     woken = 0
     ti.loop_config(serialize=True)
     for _run in range(1):
@@ -156,7 +156,7 @@ def clear_wall_row(w: ti.template(), row):
 
 @ti.kernel
 def clear_stale_rows_now(w: ti.template()):
-    """The same by itself."""
+    """Empties the frozen rows of pairs of which one member is awake, as a kernel."""
     ti.loop_config(serialize=True)
     for _run in range(1):
         clear_stale_rows(w)

@@ -25,7 +25,7 @@ class Frame(NamedTuple):
     longest: float  # no line is longer [m]: a grain then never sees one part twice, here and beyond a periodic edge
 
     def home(self, points: np.ndarray) -> np.ndarray:
-        """The same points within the box where it is periodic."""
+        """These points, shifted to within the box where it is periodic."""
         turns = np.where(self.wraps, np.floor((points + WELD * self.unit) / self.size), 0.0)
         return points - turns * self.size
 

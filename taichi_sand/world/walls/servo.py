@@ -220,7 +220,7 @@ def bear(
 def bear_wall(
     w: ti.template(), s: ti.template(), push: ti.template(), solve: ti.template(), keep: ti.template(), first: ti.template(), m: ti.i32
 ):
-    """The same for wall m."""
+    """Ends a sweep of impulses for wall m, see `bear`."""
     c = s.constants[None]
     movers = ti.static(w.movers)
     if ti.static(first):
