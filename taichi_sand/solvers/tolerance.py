@@ -27,8 +27,9 @@ MD_CHAINS = 2.3
 """A bed bears its weight on chains of contacts, not evenly: its worst hundredth of overlaps is so many times that of a column of its
 depth (1.2 to 2.2, the more the stiffer; settle, 25 and 58 grains deep)."""
 RIGID_LOAD = 0.85
-"""Rigid solver: load of the worst hundredth over that of a column, times what the slow reference impulse
-leaves of the sag: a bed that has come to rest keeps half of the tolerance at its worst hundredth, a column a fifth of it; before the reference has followed it is 1.5 times the tolerance."""
+"""Rigid solver: load of the worst hundredth over that of a column, times what the slow reference impulse leaves of the sag: a bed that has
+come to rest keeps half of the tolerance at its worst hundredth, a column a fifth of it; before the reference has followed it is 1.5 times
+the tolerance."""
 SOFT_HERTZ = 0.25
 """Frequency of the soft contact times h; stiffer contacts jitter (physics.md D4)."""
 SOFT_DAMPING, CLUMP_DAMPING = 20.0, 5.0
