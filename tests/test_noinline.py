@@ -1,0 +1,61 @@
+"""Functions compiled by themselves: they give what functions that are copied into the kernel give, in every Taichi of a process."""
+
+import math
+from collections.abc import Iterator
+
+import pytest
+import taichi as ti
+from helpers import fresh_taichi
+
+from taichi_sand.taichi_support import field_pool, runtime
+from taichi_sand.taichi_support.noinline import noinline
+
+
+class User:
+    """Somebody who starts Taichi."""
+
+
+@pytest.fixture(autouse=True)
+def nothing_left() -> Iterator[None]:
+    """Fields of a test, which kernels hold, would keep Taichi from being started afresh."""
+    yield
+    ti.reset()
+
+
+@ti.func
+def rise(column: ti.template(), k, by):
+    """Control flow of a copied function goes into whoever calls it, too."""
+    for _ in range(by):
+        if column[k] >= 0.0:
+            column[k] += 1.0
+
+
+@noinline
+def lift(column: ti.template(), twice: ti.template(), k: ti.i32, by: ti.i32, share: ti.f64) -> ti.i32:
+    rise(column, k, by)
+    if ti.static(twice):
+        rise(column, k, by)
+    column[k] += ti.cast(share, ti.f32)
+    return k + by
+
+
+@ti.kernel
+def lift_all(column: ti.template(), found: ti.template()):
+    for k in range(column.shape[0]):
+        found[k] = lift(column, False, k, k, 0.25) + lift(column, True, k, 1, 0.0)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_called_in_every_taichi_of_a_process(threads: int) -> None:
+    """With templates, numbers and a value that is returned; again after Taichi has been started anew, with other fields."""
+    for size in (5, 8, 5):
+        fresh_taichi()
+        user = User()
+        runtime.start(user, "cpu", threads, 32)
+        column, found = field_pool.scalars(ti.f32, size), field_pool.scalars(ti.i32, size)
+        column[size - 1] = -math.inf
+        lift_all(column, found)
+        risen = [k + 2 + 0.25 for k in range(size - 1)]
+        assert column.to_numpy().tolist() == [*risen, -math.inf]
+        assert found.to_numpy().tolist() == [3 * k + 1 for k in range(size)]
+        runtime.forget()
