@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -47,6 +48,19 @@ def nobody_elses_effects() -> Iterator[None]:
     yield
     if effects := sys.modules.get("taichi_sand.effects"):
         effects.own.clear()
+
+
+@pytest.fixture(autouse=True)
+def nobody_elses_turn() -> Iterator[None]:
+    """Each test ends its turns and leaves signals as they were: the interrupts of another one would be lost."""
+    handler = signal.getsignal(signal.SIGINT)
+    yield
+    turns = sys.modules.get("taichi_sand.taichi_support.turns")
+    if turns:
+        turn = turns.turn
+        state = {"depth": turn.depth, "owner": turn.owner, "waiting": turn.waiting, "pending": turn.pending}
+        assert turn.owner is None and turn.depth == 0 and not turn.pending, state
+    assert signal.getsignal(signal.SIGINT) == handler
 
 
 @pytest.fixture

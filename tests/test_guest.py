@@ -66,7 +66,7 @@ del sim
 refused(lambda: sand.Simulation(scene(solver={"precision": 64})), "default_fp", "this program has started it", "ti.reset()")
 refused(lambda: sand.Simulation(scene(), threads=17), "cpu_max_num_threads", "--threads 17")
 from taichi_sand.taichi_support import runtime
-device.forget()  # full, or unused: even so it is theirs
+runtime.forget()  # full, or unused: even so it is theirs
 sim = sand.Simulation(scene())
 sim.advance(0.05)
 assert (sim.positions == before).all() and sim.time == time_before
@@ -135,7 +135,7 @@ sim.advance(0.05)
 del sim
 gc.collect()
 from taichi_sand.taichi_support import runtime
-device.start(type("User", (), {})(), "cpu", 2, 32)  # once more
+runtime.start(type("User", (), {})(), "cpu", 2, 32)  # once more
 print("done")
 """
     done = run(script, HOME=home, TMPDIR=str(tmp_path), TI_OFFLINE_CACHE_FILE_PATH=None)
@@ -180,7 +180,7 @@ child(drops)
 with multiprocessing.get_context("fork").Pool(1) as pool:
     for found in pool.imap_unordered(abs, [-1]):
         assert found == 1
-turn = __import__("taichi_sand.taichi_support.turns").world.turns.turn
+turn = __import__("taichi_sand.taichi_support.turns").taichi_support.turns.turn
 entered, leave = threading.Event(), threading.Event()
 
 def hold():
@@ -278,11 +278,11 @@ for ask in (lambda: sim.positions, lambda: sim.advance(0.1), lambda: sim.advance
             lambda: sim.set("gravity", [0, 0]), sim.__enter__):
     refused(ask, "has been closed")
 sim.close()
-made = device.compiled()
+made = runtime.compiled()
 other = sand.Simulation(scene(), threads=1)
 other.advance(0.05)
 assert other.world is world and (other.positions == before).all()
-assert device.compiled() <= made + 1  # which asks where a table lies that is cleared for the first time
+assert runtime.compiled() <= made + 1  # which asks where a table lies that is cleared for the first time
 other.close()
 """)
 

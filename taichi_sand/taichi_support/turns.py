@@ -43,6 +43,8 @@ class Turn:
         self.owner, self.depth = threading.get_ident(), 1
 
     def __exit__(self, *_: object) -> None:
+        if self.owner != threading.get_ident():  # it has ended already: what a signal raised came out of `pause`
+            return
         self.depth -= 1
         if self.depth:
             return
