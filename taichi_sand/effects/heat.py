@@ -58,7 +58,7 @@ def warm(w: ti.template(), s: ti.template()):
     time = ti.max(1.0, ti.floor(INTERVAL / c.step)) * c.step
     share = 1.0 - ti.exp(-c.heat_conduction * time)
     temperature = ti.static(w.carried.temperature)
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         add(temperature, i, w.carried.warmth[i] * mobility(w, i).x / c.heat_capacity)
         w.carried.warmth[i] = 0.0

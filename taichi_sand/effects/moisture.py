@@ -50,11 +50,11 @@ def flow(w: ti.template(), s: ti.template()):
     c = s.constants[None]
     time = ti.max(1.0, ti.floor(INTERVAL / c.step)) * c.step
     water = ti.static(w.carried)
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         water.contacts[i] = 0.0
     every_pair(w, exchange, s, ti.Vector([1.0 - ti.exp(-c.moisture_drain * time), 1.0 - ti.exp(-c.moisture_spread * time)]))
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         air = at_least(0.0, 1.0 - water.contacts[i] / SHIELD)
         water.wetness[i] = water.wetness[i] * ti.exp(-c.moisture_evaporation * air * time)

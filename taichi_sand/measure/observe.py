@@ -81,7 +81,7 @@ def sum_grains(w: ti.template(), frame: ti.types.ndarray(), sums: ti.types.ndarr
 @ti.kernel
 def weigh_grains(w: ti.template(), mass: ti.types.ndarray()):
     """Mass of every grain by its slot [kg]; 0 of a fixed one."""
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         mass[i] = 1.0 / mobility(w, i).x if mobility(w, i).x > 0.0 else 0.0
 

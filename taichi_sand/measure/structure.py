@@ -80,7 +80,7 @@ def order(world: World, out: np.ndarray) -> None:
 @ti.kernel
 def fill_speed(w: ti.template(), out: Rows):
     """See `speed`."""
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         out[i] = ti.cast(velocity(w, i).norm(), ti.f32)
 
@@ -88,7 +88,7 @@ def fill_speed(w: ti.template(), out: Rows):
 @ti.kernel
 def fill_carried(w: ti.template(), column: ti.template(), out: Rows):
     """A column that grains carry."""
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         out[i] = ti.cast(column[i], ti.f32)
 
@@ -96,7 +96,7 @@ def fill_carried(w: ti.template(), column: ti.template(), out: Rows):
 @ti.kernel
 def fill_energy(w: ti.template(), out: Rows):
     """See `energy`."""
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         energy = 0.0
         if movable(w, i) > 0.0:
@@ -110,7 +110,7 @@ def fill_energy(w: ti.template(), out: Rows):
 @ti.kernel
 def fill_orientation(w: ti.template(), out: Rows):
     """See `orientation`."""
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         out[i] = 0.0
         if ti.static(w.turns):
@@ -121,7 +121,7 @@ def fill_orientation(w: ti.template(), out: Rows):
 @ti.kernel
 def fill_force(w: ti.template(), out: Rows):
     """See `force`. Every pair once, in the order of the sweep."""
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         out[i] = 0.0
     every_pair(w, push_both, out, out)
@@ -139,7 +139,7 @@ def push_both(w: ti.template(), out: ti.template(), c: ti.template(), p, wall: t
 @ti.kernel
 def force_to_pressure(w: ti.template(), out: Rows):
     """See `pressure`; `out` holds the forces."""
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         out[i] = out[i] / ti.cast(2.0 * ti.math.pi * w.grains.radius[i], ti.f32)
 
@@ -147,7 +147,7 @@ def force_to_pressure(w: ti.template(), out: Rows):
 @ti.kernel
 def fill_places(w: ti.template(), places: Points):
     """x, y and radius of every grain; within the box where it is periodic."""
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         place = position(w, i)
         for k in ti.static(range(2)):
@@ -162,7 +162,7 @@ def fill_order(
     w: ti.template(), places: Points, cell: Integers, members: Integers, start: Integers, columns: ti.i32, rows: ti.i32, out: Rows
 ):
     """See `order`. Grains are looked up by cell: those of cell c are members[start[c]], … members[start[c + 1] - 1]."""
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         total, neighbours = ti.Vector([0.0, 0.0]), 0
         column, row = cell[i] // rows, cell[i] % rows

@@ -68,7 +68,7 @@ def grain_tone(w: ti.template(), i, tones: ti.template()):
 @ti.kernel
 def colour_by_kind(w: ti.template(), tones: Packed, fixed: ti.u32, colours: Packed):
     """Colour of every grain from the tones of its kind; fixed grains have one of their own."""
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         colours[i] = grain_tone(w, i, tones) if movable(w, i) > 0.0 else fixed
 
@@ -77,7 +77,7 @@ def colour_by_kind(w: ti.template(), tones: Packed, fixed: ti.u32, colours: Pack
 def colour_by_value(w: ti.template(), values: Numbers, top: ti.f32, colour_map: Packed, fixed: ti.u32, colours: Packed):
     """Colour of every grain from a map, 0 .. top; fixed grains have one of their own."""
     last = colour_map.shape[0] - 1
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         entry = ti.cast(values[i] / top * ti.cast(last, ti.f32) + 0.5, ti.i32)
         colours[i] = colour_map[ti.min(last, ti.max(0, entry))] if movable(w, i) > 0.0 else fixed
@@ -86,7 +86,7 @@ def colour_by_value(w: ti.template(), values: Numbers, top: ti.f32, colour_map: 
 @ti.kernel
 def fade_sleepers(w: ti.template(), colours: Packed):
     """Colours of those who sleep, who lie behind all others."""
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.count[None] - w.sleep.state[None].asleep, w.count[None]):
         if movable(w, i) > 0.0:
             colours[i] = sleepy(colours[i])
@@ -96,7 +96,7 @@ def fade_sleepers(w: ti.template(), colours: Packed):
 def moving_values(w: ti.template(), values: Numbers, out: Numbers) -> ti.i32:
     """Values of the grains that are not fixed, gathered at the front of `out`, in any order; their number."""
     found = 0
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         if movable(w, i) > 0.0:
             out[ti.atomic_add(found, 1)] = values[i]

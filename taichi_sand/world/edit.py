@@ -65,7 +65,7 @@ def set_mobility(w: ti.template(), slots: ti.types.ndarray(), mobility: ti.types
 @ti.kernel
 def read_places(w: ti.template(), numbers: ti.types.ndarray(), whole: ti.types.ndarray()):
     """See `places`."""
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         p = position(w, i)
         numbers[i, 0], numbers[i, 1], numbers[i, 2] = p.x, p.y, w.grains.radius[i]

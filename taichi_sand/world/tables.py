@@ -154,9 +154,14 @@ class World:
     colour_cells: int  # cells of one colour there may be, in the layout "cells"
     real: Any  # ti.f32 or ti.f64
 
+    @property
+    def serial(self) -> bool:
+        """Whether loops that are not over blocks run on one thread: only a GPU gains by more."""
+        return self.layout != "cells"
+
 
 def pace_type(real: Any) -> Any:
-    """Struct of what lets the march go on until the next search."""
+    """Struct of what lets the march go on until the next list build."""
     return ti.types.struct(
         skin=real,  # pairs closer than this on their foreseen paths are listed [m]
         horizon=real,  # time for which the list build has foreseen the paths [s]

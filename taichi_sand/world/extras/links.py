@@ -76,14 +76,14 @@ def build_links(ends: np.ndarray | None, grains: Any, real: Any) -> Links | None
 def find_links(w: ti.template()):
     """In a list build, after the sort: the slots of both ends of every link, and the way between them."""
     g, links = ti.static(w.grains, w.links)
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for id in range(links.slot.shape[0]):
         links.slot[id] = -1
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         if g.id[i] < links.slot.shape[0]:
             links.slot[g.id[i]] = i
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for k in range(links.count[None]):
         i, j = links.slot[links.ends[k].x], links.slot[links.ends[k].y]
         links.slots[k], links.last[k] = ti.Vector([i, j]), 0

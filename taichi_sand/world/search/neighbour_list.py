@@ -46,7 +46,7 @@ def anchor_all(w: ti.template()):
         if w.sleep.state[None].asleep > 0:
             left, down, right, up = 0.0, 0.0, 0.0, 0.0
     many = ti.static(SHARES if w.layout == "cells" else 1)
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for share in range(many):
         low, high = ti.Vector([1e30, 1e30]), ti.Vector([-1e30, -1e30])
         for k in range((present(w) - share + many - 1) // many):
@@ -99,7 +99,7 @@ def foresee(w: ti.template()):
 @ti.func
 def assign_cells(w: ti.template()):
     """Cell of every grain; the one behind the last for those that left."""
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(present(w)):
         gone = outside(w, i)
         cell = cell_of(w, i)

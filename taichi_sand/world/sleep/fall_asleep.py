@@ -49,16 +49,16 @@ def wake_all(w: ti.template(), everybody: ti.i32):
     awake, asleep = sleep.state[None].awake, sleep.state[None].asleep
     first = w.count[None] - asleep
     gone = first - awake
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(awake):
         sleep.origin[i] = i
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for k in range(asleep if gone == 0 else 0):
         get_up(w, first + k, awake + k, everybody)
     ti.loop_config(serialize=True)
     for k in range(asleep if gone > 0 else 0):  # into slots of other sleepers, so one after the other
         get_up(w, first + k, awake + k, everybody)
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for site in range(sleep.woken.shape[0]):
         sleep.woken[site] = 0
     sleep.state[None].awake, sleep.state[None].asleep = awake + asleep, 0
@@ -87,7 +87,7 @@ def fall_asleep(w: ti.template(), s: ti.template()):
     """After a list build of everybody: chooses who sleeps, puts them behind the others, and freezes their pairs."""
     state = ti.static(w.sleep.state)
     before = 0
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         before += ti.cast(w.sleep.still[i] >= 0.5 * ASLEEP, ti.i32)
     choose(w, s.constants[None].sleeping_time)
@@ -108,16 +108,16 @@ def choose(w: ti.template(), patience):
     """`slot` of every grain, and its `origin`: those who stay awake first, then the sleepers by lattice site."""
     sleep, scratch = ti.static(w.sleep, w.grid.whole)
     count = w.count[None]
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for site in range(sleep.start.shape[0]):
         sleep.restless[site], sleep.start[site] = 0, 0
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(count):
         if sleep.still[i] < patience:
             sleep.restless[home(w, i)] = 1
     if ti.static(w.moves):
         shake(w)
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(w.capacity):
         sleep.slot[i] = 0
         if i < count:
@@ -128,16 +128,16 @@ def choose(w: ti.template(), patience):
     prefix_sum(sleep.slot, w.grid.sums, w.layout == "cells")
     prefix_sum(sleep.start, w.grid.sums, w.layout == "cells")
     awake = sleep.slot[w.capacity - 1]  # that slot is empty
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for site in range(sleep.start.shape[0]):
         add(sleep.start, site, awake)
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(count):
         sleep.origin[sleep.slot[i] if scratch[i][0] < 0 else sleep.start[home(w, i)] + scratch[i][0]] = i
     if ti.static(w.layout == "cells"):
         for site in range(sleep.start.shape[0] - 1):
             put_in_order(sleep.origin, sleep.start[site], sleep.start[site + 1])
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for k in range(count):
         sleep.slot[sleep.origin[k]] = k
         w.grid.source[k] = sleep.origin[k]
@@ -162,7 +162,7 @@ def freeze(w: ti.template()):
     """Copies the pairs among sleepers, and of sleepers with walls, to the third part of the neighbour list."""
     sleep, pairs = ti.static(w.sleep, w.pairs)
     awake, count, half = sleep.state[None].awake, w.count[None], w.pace[None].half
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for k in range(w.capacity):
         sleep.row_count[k], sleep.wall_row_count[k] = 0, 0
         if k >= awake and k < count:
@@ -177,7 +177,7 @@ def freeze(w: ti.template()):
     b, row, wall_row = sleeper_block(w), 2 * w.half, 2 * w.half + w.wall_base
     w.blocks.pair_start[b], w.blocks.pair_end[b] = row, row + sleep.row_start[w.capacity - 1]
     w.blocks.wall_start[b], w.blocks.wall_end[b] = wall_row, wall_row + sleep.wall_row_start[w.capacity - 1]
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for k in range(awake, count):
         add(sleep.row_start, k, row)
         add(sleep.wall_row_start, k, wall_row)
@@ -227,7 +227,7 @@ def copy_wall_row(w: ti.template(), p, row):
 def lay_to_rest(w: ti.template()):
     """Stops the new sleepers, and sums up what they carry."""
     g, sleep, pairs = ti.static(w.grains, w.sleep, w.pairs)
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for j in range(sleep.state[None].awake, w.count[None]):
         sleep.mobility[j], sleep.still[j] = g.mobility[j], ASLEEP
         for column in ti.static((g.mobility, g.twist, g.wrench)):

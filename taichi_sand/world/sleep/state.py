@@ -159,7 +159,7 @@ def on_step(w: ti.template(), s: ti.template()):
     time = steps * w.pace[None].step
     sleep.state[None].seen = w.pace[None].done
     ready = 0
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(awake):
         v = velocity(w, i)
         turning = w.grains.radius[i] * spin(w, i)
@@ -186,11 +186,11 @@ def weigh(w: ti.template(), s: ti.template(), c: ti.template()):
     sleep = ti.static(w.sleep)
     last = w.count[None]
     first = last - (sleep.state[None].asleep if sleep.state[None].awake > 0 else 0)
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for j in range(first, last):
         sleep.push[j] = sleep.balance[j]
     pairs_awake(w, push_sleeper, s, c)
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for j in range(first, last):
         if sleep.mobility[j].x > 0.0:
             bound = c.sleeping_share * (sleep.load[j] + w.box[None].gravity.norm() / sleep.mobility[j].x)
@@ -222,7 +222,7 @@ def translate(w: ti.template()):
     awake, count = sleep.state[None].awake, 0
     if sleep.state[None].moved == 1:
         count = awake + sleep.state[None].asleep
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for i in range(count):
         grid.source[i] = sleep.origin[grid.source[i]] if i < awake else sleep.origin[i]
 
@@ -235,7 +235,7 @@ def settle(w: ti.template()):
     first = w.count[None] - asleep
     if w.pace[None].lacking != 0:  # pairs will be listed again, and remembered as before
         moved = 0
-    ti.loop_config(serialize=w.layout != "cells")
+    ti.loop_config(serialize=w.serial)
     for j in range(first, first + asleep * moved):
         w.grid.source[j] = j
         for half in ti.static(range(2)):
