@@ -58,7 +58,7 @@ def retighten(w: ti.template(), s: ti.template(), change: ti.template(), p, wall
 
 @ti.kernel
 def tighten(w: ti.template(), s: ti.template(), share: ti.f32, quiet: ti.f32, most: ti.f32):
-    """After the stiffness has changed, to 1 / `share` times what it was, and a search."""
+    """After the stiffness has changed, to 1 / `share` times what it was, and a list build."""
     change = ti.Vector([share, quiet, most])
     every_pair(w, retighten, s, change)
 

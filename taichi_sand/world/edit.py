@@ -223,7 +223,7 @@ def add(world: World, grains: dict[str, np.ndarray], first_id: int) -> None:
 
 
 def remove(world: World, slots: np.ndarray) -> None:
-    """Takes the grains in these slots (n,) out, with the next search."""
+    """Takes the grains in these slots (n,) out, with the next list build."""
     if len(slots):
         drop(world, np.ascontiguousarray(slots, np.int32))
         world.pace[None].spent = 1

@@ -1,4 +1,4 @@
-"""Where grains come from and go to while the simulation runs, as the kernels know it: sinks take grains out in every search."""
+"""Where grains come from and go to while the simulation runs, as the kernels know it: sinks take grains out in every list build."""
 
 from typing import Any, NamedTuple
 

@@ -88,7 +88,7 @@ def is_nothing(grain: Any) -> bool:
 
 @ti.func
 def going(w: ti.template()):
-    """Whether there is anything to do before the next search."""
+    """Whether there is anything to do before the next list build."""
     return w.pace[None].spent == 0
 
 

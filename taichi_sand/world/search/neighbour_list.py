@@ -1,7 +1,7 @@
 """The neighbour-list build: sorts the grains into cells and lists the pairs that may touch before it is built again.
 
 A grain is foreseen to fly straight on; a pair is listed if on these paths it comes closer than the skin within the horizon. The list
-holds until the horizon is reached or a grain has left its foreseen path by half the skin. So grains that fall together cost no search.
+holds until the horizon is reached or a grain has left its foreseen path by half the skin. So grains that fall together cost no list build.
 """
 
 import taichi as ti

@@ -121,7 +121,7 @@ def call(w: ti.template(), j):
 
 @ti.func
 def shake(w: ti.template()):
-    """No grain falls asleep where a wall that moves may meet it before the next search."""
+    """No grain falls asleep where a wall that moves may meet it before the next list build."""
     ti.loop_config(serialize=True)
     for e in range(w.movers.count[None]):
         if moves_on(w, e):

@@ -1,4 +1,4 @@
-"""Where moving walls are felt from: their parts are listed anew, by lattice site, in every search."""
+"""Where moving walls are felt from: their parts are listed anew, by lattice site, in every list build."""
 
 import taichi as ti
 
