@@ -117,16 +117,23 @@ def test_wrong_files_are_told(name: str, tmp_path: Path) -> None:
     assert not effects.own
 
 
-def test_an_effect_without_a_hook_is_told() -> None:
-    class Idle:
-        def torque(self) -> None: ...
+HOOKLESS = {
+    "idle": ("_torque", r"idle has no hook that the md solver calls; there are: normal, tangent, "),
+    "of the other solver": ("friction_bound", r"has no hook that the md solver calls"),
+    "misspelt": (
+        "on_pauze",
+        r"misspelt: no solver calls a hook `on_pauze`; did you mean `on_pause`\? \(a method of its own begins with _\)",
+    ),
+}
 
-    effects.own["idle"] = type("module", (), {"build": staticmethod(lambda *_: Idle())})  # type: ignore[assignment]
-    try:
-        with pytest.raises(SandError, match=r"idle has no hook that the md solver calls; there are: normal, tangent, "):
-            effects.build("idle", {}, (), "md")
-    finally:
-        del effects.own["idle"]
+
+@pytest.mark.parametrize("name", HOOKLESS)
+def test_an_effect_without_a_hook_is_told(name: str) -> None:
+    method, sentence = HOOKLESS[name]
+    effect = type("Effect", (), {method: lambda *_: None})
+    effects.own[name] = type("module", (), {"build": staticmethod(lambda *_: effect())})  # type: ignore[assignment]
+    with pytest.raises(SandError, match=sentence):
+        effects.build(name, {}, (), "md")
 
 
 def example() -> tuple[str, str]:

@@ -46,7 +46,7 @@ HOOKS = {
         "rolling_bound": "(w, c, p, normal, radius): largest angular impulse [N m s]; the column `torque` keeps what is carried [N m]",
     },
     "both": {
-        "heat": "(w, i, energy): contacts have turned so much energy of motion into heat of grain i [J]; see world.ledger",
+        "heat": "(w, i, energy): contacts have turned so much energy of motion into heat of grain i [J]; see world.extras.energy_ledger",
         "link": "(w, c, k): force of link k, which is whole, on its second grain [N]",
         "snap": "(w, c, k): breaks link k by w.links.whole[k] = 0, or not; the impulse on its second grain with which it breaks [N s]",
         "kept": "(w, c, k): elastic energy that link k, which is whole, holds [J]; asked for if some effect has `heat`",
@@ -55,7 +55,8 @@ HOOKS = {
         "on_pause": "(world, solver): Python, between launches, every `interval` seconds of simulated time",
     },
 }
-"""What an effect may do, by the solver that calls it; anything else in an effect is not called."""
+"""What an effect may do, by the solver that calls it; an effect with another public method is refused."""
+ALL_HOOKS = {hook for hooks in HOOKS.values() for hook in hooks}
 KINDS = ("md", "rigid")
 
 own: dict[str, ModuleType] = {}
@@ -187,8 +188,13 @@ def bed(tables: Mapping[str, Any], world: Any) -> dict[str, float]:
 
 
 def build(name: str, values: dict[str, Any], memory: Sequence[Any], kind: str) -> Any:
-    """The object whose hooks the solver calls; SandError if it has none that solver `kind` calls."""
+    """The object whose hooks the solver calls; SandError if it has none that solver `kind` calls, or a method that is no hook."""
     effect = module(name).build(values, tuple(memory), kind)
+    for method, thing in vars(type(effect)).items():
+        if not method.startswith("_") and (callable(thing) or isinstance(thing, (staticmethod, classmethod))) and method not in ALL_HOOKS:
+            raise SandError(
+                f"effect {name}: no solver calls a hook `{method}`{suggest(method, ALL_HOOKS)} (a method of its own begins with _)"
+            )
     known = {**HOOKS[kind], **HOOKS["both"]}
     if not any(hasattr(effect, hook) for hook in known):
         raise SandError(f"effect {name} has no hook that the {kind} solver calls; there are: {', '.join(known)}")

@@ -55,7 +55,7 @@ class Bonds:
     @ti.func
     def link(self, w: ti.template(), c: ti.template(), k):
         """Force of bond k on its second grain [N]."""
-        stretch, speed, normal, stiffness, dashpot = self.state(w, c, k)
+        stretch, speed, normal, stiffness, dashpot = self._state(w, c, k)
         return -(stiffness * stretch + dashpot * speed) * normal
 
     @ti.func
@@ -67,7 +67,7 @@ class Bonds:
         velocities are half a step behind (c.step / 2), a spring has so far taken k x^2 / 2 - h k x v / 2: that is what symplectic Euler
         exchanges for kinetic energy without error. RK4, whose stages would see a bond that is long broken, looks ahead.
         """
-        stretch, speed, normal, stiffness, dashpot = self.state(w, c, k)
+        stretch, speed, normal, stiffness, dashpot = self._state(w, c, k)
         impulse = 0.0
         strength, step = c.bonds_strength * w.box[None].weight, w.pace[None].step
         foreseen = stretch + (step - c.step) * at_least(0.0, speed)
@@ -85,11 +85,11 @@ class Bonds:
     @ti.func
     def kept(self, w: ti.template(), c: ti.template(), k):
         """Elastic energy of bond k [J]."""
-        stretch, _speed, _normal, stiffness, _dashpot = self.state(w, c, k)
+        stretch, _speed, _normal, stiffness, _dashpot = self._state(w, c, k)
         return 0.5 * stiffness * stretch * stretch
 
     @ti.func
-    def state(self, w: ti.template(), c: ti.template(), k):
+    def _state(self, w: ti.template(), c: ti.template(), k):
         """How much longer than at rest bond k is [m], how fast it becomes so [m/s], its direction, stiffness [N/m] and dashpot [N s/m]."""
         box = w.box[None]
         way, motion = link_way(w, k)

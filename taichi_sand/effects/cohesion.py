@@ -30,7 +30,7 @@ class Cohesion:
     bridge: Any  # column of the neighbour list: 1 = there is a bridge
 
     @ti.func
-    def pull(self, w: ti.template(), c: ti.template(), p, gap, middle):
+    def _pull(self, w: ti.template(), c: ti.template(), p, gap, middle):
         """Pull of the bridge of pair p at the gap `middle` [N], >= 0; a bridge forms or ruptures where the gap says so."""
         reach = w.box[None].bridge
         if gap <= 0.0:
@@ -45,7 +45,7 @@ class Cohesion:
     @ti.func
     def normal(self, w: ti.template(), c: ti.template(), p, overlap):
         """Normal force on top of the contact's [N]."""
-        return -self.pull(w, c, p, -overlap, -overlap)
+        return -self._pull(w, c, p, -overlap, -overlap)
 
     @ti.func
     def stored(self, w: ti.template(), c: ti.template(), p, overlap, stiffness):
@@ -59,7 +59,7 @@ class Cohesion:
     @ti.func
     def min_normal_impulse(self, w: ti.template(), c: ti.template(), p, gap, middle):
         """Lowest normal impulse."""
-        return -c.step * self.pull(w, c, p, gap, middle)
+        return -c.step * self._pull(w, c, p, gap, middle)
 
 
 def memory(values: dict, solver: str) -> int:

@@ -43,7 +43,7 @@ class Friction:
     spring: Any  # column of the neighbour list: stretch of the tangential spring [m]
 
     @ti.func
-    def coefficient(self, w: ti.template(), c: ti.template(), p, wall: ti.template()):
+    def _coefficient(self, w: ti.template(), c: ti.template(), p, wall: ti.template()):
         """mu of pair p: that of the wall, if it names one."""
         mu = c.friction_mu
         if ti.static(wall and w.walls.rough):
@@ -54,7 +54,7 @@ class Friction:
     @ti.func
     def tangent(self, w: ti.template(), c: ti.template(), p, wall: ti.template(), normal_force, slip, stiffness, dashpot):
         """Tangential force [N] on the second grain of pair p that slips by `slip` [m/s]."""
-        bound = self.coefficient(w, c, p, wall) * normal_force
+        bound = self._coefficient(w, c, p, wall) * normal_force
         force = 0.0
         if ti.static(self.model == "spring"):
             k = SPRING * stiffness
@@ -90,7 +90,7 @@ class Friction:
     @ti.func
     def friction_bound(self, w: ti.template(), c: ti.template(), p, wall: ti.template(), normal):
         """Largest tangential impulse for a normal one."""
-        return self.coefficient(w, c, p, wall) * normal
+        return self._coefficient(w, c, p, wall) * normal
 
 
 def memory(values: dict, solver: str) -> int:

@@ -32,12 +32,12 @@ class SafeDirection:
     @ti.func
     def touch(self, w: ti.template(), i, j, normal, wall: ti.template()):
         """Grains i and j touch, or grain i and a wall; `normal` points from i."""
-        self.lean(w, i, normal)
+        self._lean(w, i, normal)
         if ti.static(not wall):
-            self.lean(w, j, -normal)
+            self._lean(w, j, -normal)
 
     @ti.func
-    def lean(self, w: ti.template(), i, normal):
+    def _lean(self, w: ti.template(), i, normal):
         """Adds a contact to those of grain i."""
         add(w.carried.unsafe_x, i, normal.x)
         add(w.carried.unsafe_y, i, normal.y)
