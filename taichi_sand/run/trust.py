@@ -50,11 +50,14 @@ class Sizes:
     last_end: int  # of links
     ends: int
     last_id: int  # of grains that links know
+    least_pause: int  # steps between two looks of the effects that watch the grains; 0 if none does
+    most_pause: int
 
 
 def sizes_of(world: World, kinds: int) -> Sizes:
     """Those of a world with grains of so many kinds."""
     rows, movers, links = world.pairs.first.shape[0], world.movers, world.links
+    watched = world.pace.get_member_field("on_step")[None] > 0  # as many steps as the step, which changes, makes of an interval
     parts = [field.shape[0] for field in (movers and movers.wall, world.walls.friction) if field is not None]
     return Sizes(
         capacity=world.capacity,
@@ -74,6 +77,8 @@ def sizes_of(world: World, kinds: int) -> Sizes:
         last_end=links.of.shape[0] - 1 if links else 0,
         ends=links.of.shape[0] if links else 0,
         last_id=links.slot.shape[0] - 1 if links else 0,
+        least_pause=int(watched),
+        most_pause=LATEST * watched,
     )
 
 
@@ -140,7 +145,7 @@ INDICES: dict[str, tuple[Bound, Bound] | str] = {
     **{f"pace:{name}": FLAG for name in ("strayed", "spent", "impacts", "warm_start", "hit", "half", "short", "hasty", "moved")},
     **{f"pace:{name}": (0, LATEST) for name in ("since", "done", "list_builds", "round")},
     "pace:lacking": SAME,
-    "pace:on_step": SAME,
+    "pace:on_step": ("least_pause", "most_pause"),
     "struck": (0, LATEST),  # marks of a round
     "near": (0, LATEST),
     "effects.now:work": (0, 3),
