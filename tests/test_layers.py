@@ -115,3 +115,13 @@ def test_modules_and_public_functions_have_docstrings() -> None:
             kernel = isinstance(node, ast.FunctionDef) and any("ti." in ast.unparse(item) for item in node.decorator_list)
             if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_") and not kernel:
                 assert ast.get_docstring(node), f"{path.name}: {node.name} has no docstring"
+
+
+def test_slow_tests_are_there() -> None:
+    """What slow.txt names begins the name of a test in a file that exists."""
+    for line in (PACKAGE.parent / "tests" / "slow.txt").read_text().splitlines():
+        if line.startswith("#"):
+            continue
+        path, _, name = line.partition("::")
+        text = (PACKAGE.parent / path).read_text("utf-8")
+        assert f"def {name.partition('[')[0]}" in text, line
