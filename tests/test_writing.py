@@ -371,7 +371,8 @@ def test_signals_end_the_command_without_litter(number: int, status: int, tmp_pa
     (tmp_path / "drop.toml").write_text(SCENE)
     command = [sys.executable, "-m", "taichi_sand", "render", "drop.toml", "-o", "out/film.mp4", "--seconds", "1e6", "--threads", "1"]
     environment = {**os.environ, "PYTHONPATH": str(Path(sand.__file__).parents[1])}
-    prepare = "import signal, os, sys; signal.signal(signal.SIGINT, signal.default_int_handler); os.execv(sys.executable, sys.argv[1:])"
+    heard = "signal.signal(signal.SIGINT, signal.default_int_handler); signal.signal(signal.SIGHUP, signal.SIG_DFL)"
+    prepare = f"import signal, os, sys; {heard}; os.execv(sys.executable, sys.argv[1:])"  # background jobs, and nohup, are deaf to one
     with subprocess.Popen(
         [sys.executable, "-c", prepare, *command], cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True
     ) as process:
@@ -379,7 +380,10 @@ def test_signals_end_the_command_without_litter(number: int, status: int, tmp_pa
         while not any(tmp_path.glob("out/.film*/film.mp4")) and time.monotonic() < deadline:
             time.sleep(0.05)
         process.send_signal(number)
-        assert process.wait(30) == status
+        try:
+            assert process.wait(30) == status
+        finally:
+            process.kill()  # or its end would be waited for
         assert process.stderr is not None
         assert process.stderr.read() == f"taichi-sand: {'interrupted' if number == signal.SIGINT else 'terminated'}\n"
     assert os.listdir(tmp_path) == ["drop.toml"]
