@@ -45,6 +45,44 @@ def lift_all(column: ti.template(), found: ti.template()):
         found[k] = lift(column, False, k, k, 0.25) + lift(column, True, k, 1, 0.0)
 
 
+class Fault:
+    """A part of a function that cannot be compiled at first."""
+
+    def __init__(self) -> None:
+        self.tries = 0
+
+    def mended(self) -> bool:
+        self.tries += 1
+        if self.tries == 1:
+            raise ValueError("not yet")
+        return True
+
+
+@noinline
+def rise_when_mended(column: ti.template(), fault: ti.template(), k: ti.i32):
+    column[k] += 1.0
+    if ti.static(fault.mended()):
+        column[k] += 2.0
+
+
+@ti.kernel
+def rise_all(column: ti.template(), fault: ti.template()):
+    for k in range(column.shape[0]):
+        rise_when_mended(column, fault, k)
+
+
+def test_half_a_function_is_never_called() -> None:
+    """One that could not be compiled is compiled as a whole when it is tried again, as a user's effect may be."""
+    fresh_taichi()
+    user, fault = User(), Fault()
+    runtime.start(user, "cpu", 1, 32)
+    column = field_pool.scalars(ti.f32, 4)
+    with pytest.raises(ti.TaichiCompilationError, match="not yet"):
+        rise_all(column, fault)
+    rise_all(column, fault)
+    assert column.to_numpy().tolist() == [3.0] * 4
+
+
 @pytest.mark.parametrize("threads", [1, 2])
 def test_called_in_every_taichi_of_a_process(threads: int) -> None:
     """With templates, numbers and a value that is returned; again after Taichi has been started anew, with other fields."""

@@ -190,8 +190,8 @@ def bed(tables: Mapping[str, Any], world: Any) -> dict[str, float]:
 def build(name: str, values: dict[str, Any], memory: Sequence[Any], kind: str) -> Any:
     """The object whose hooks the solver calls; SandError if it has none that solver `kind` calls, or a method that is no hook."""
     effect = module(name).build(values, tuple(memory), kind)
-    for method, thing in vars(type(effect)).items():
-        if not method.startswith("_") and (callable(thing) or isinstance(thing, (staticmethod, classmethod))) and method not in ALL_HOOKS:
+    for method in dir(type(effect)):
+        if not method.startswith("_") and callable(getattr(type(effect), method)) and method not in ALL_HOOKS:
             raise SandError(
                 f"effect {name}: no solver calls a hook `{method}`{suggest(method, ALL_HOOKS)} (a method of its own begins with _)"
             )

@@ -15,44 +15,28 @@ from typing import Any, ClassVar
 import taichi as ti
 
 from taichi_sand.solvers.bed import Bed
-from taichi_sand.solvers.flights import flight
 from taichi_sand.solvers.impacts import collide_all, warm_start
 from taichi_sand.solvers.impulses import (
-    arms,
-    friction_bound,
-    give,
-    meeting,
-    min_normal_impulse,
-    resist_rolling,
-    slip_by,
-    slip_of,
     store_impulse,
     update_contact,
 )
+from taichi_sand.solvers.projection import OVER_RELAXATION, project, touches
 from taichi_sand.solvers.tolerance import rigid_numbers
 from taichi_sand.taichi_support import field_pool
 from taichi_sand.world.extras.energy_ledger import settle_work
 from taichi_sand.world.extras.links import pull_links, settle_links
-from taichi_sand.world.geometry import add, at_least, movable, within, wrench
+from taichi_sand.world.geometry import add, at_least, movable, wrench
 from taichi_sand.world.motion import drift, with_body
 from taichi_sand.world.sweep import each_grain, each_pair, going, nothing, sweep, sweep_twice, sweeps_join
 from taichi_sand.world.tables import World, fill_struct
 from taichi_sand.world.walls.motion import place_walls
-from taichi_sand.world.walls.servo import along_course, apart, bear, drives, nobody, weightless
+from taichi_sand.world.walls.servo import along_course, apart, bear, drives, nobody
 from taichi_sand.world.walls.wedge import feel, holds
 
 MEMORY = 1
 REFERENCE_SHARE = 0.83
 """The reference takes over this share of the carried impulse at most: the sag falls to the rest of it, and the soft contact keeps
 enough of the load to damp. With 0.95 piles 45 grains deep shake."""
-OVER_RELAXATION = 1.5
-"""The second sweep corrects the velocity of a contact that bears a load by so many times what that contact alone would need.
-
-What a sweep does to the velocities u of the contacts is u -> S u; as impulses are carried on, a step does u' = S (2 u - u_before). A
-pattern with the eigenvalue s of S then dies out as z, z^2 = s (2 z - 1). The slow swing of a pile n deep has s = 1 - O(1/n^2), so
-|z|^2 = s: it rings for n^2 steps. Over-relaxation by w multiplies 1 - s by w / (2 - w), at no cost: a pile comes to rest three times
-as soon. But it also turns s of the short patterns into complex numbers, and these have to stay within |z| < 1: columns of up to 300
-discs rest with 1.5, those of 100 explode with 1.8, those of 200 with 1.3 in both sweeps."""
 UNLOADED = 3.0
 """A moving wall feels at least a third of the overlap that its force would make without the reference: by the overlap alone it would go on
 for as long as the reference takes the load over, up to six times the force that stops it when it presses fast."""
@@ -72,14 +56,6 @@ def constants_type(real: Any, live: Iterable[str]) -> Any:
         reference_rate=real,  # share of the way that the reference impulse creeps in a step
         **dict.fromkeys(live, real),
     )
-
-
-TOUCHING = 1e-6
-"""A contact is soft below this gap, over the distance of the centres. Were it hard at a gap of nothing, where grains are often laid, it
-would stay so until rounding closed it, seconds later, and then give way all at once."""
-NEAR = 0.5
-"""No friction across a gap wider than this, over the distance of the centres when they touch: the levers would be longer than the pair's
-effective mass reckons with, and the impulse too strong (by less than twice up to here)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,68 +100,6 @@ def clear_stored_impulse(w: ti.template(), s: ti.template(), c: ti.template(), s
     """Clears the impulses, as a grain function of a sweep."""
     for i in range(start, end):
         w.grains.wrench[i] = ti.Vector([0.0, 0.0, 0.0, 0.0])
-
-
-@ti.func
-def touches(w: ti.template(), p):
-    """Whether pair p is closed."""
-    return w.pairs.gap[p] < TOUCHING * w.pairs.contact_distance[p]
-
-
-@ti.func
-def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template(), soft: ti.template(), trial: ti.template()):
-    """Solves pair p for its impulse: soft, pushing overlap out, or hard, for the velocity alone. Returns the impulse it carries, or with
-    `trial` would carry.
-    """
-    pairs = ti.static(w.pairs)
-    i, j, normal, gap, motion, lever, speed = meeting(w, p, wall)
-    carried = pairs.force[p] * c.step
-    low = min_normal_impulse(w, s, c, p, gap, gap + ti.static(0.5 if soft else -0.5) * c.step * speed)
-    held = carried.x != 0.0 or low < 0.0
-    due = held or speed * c.step + gap < 0.0
-    if ti.static(not soft):  # faster approaches are left to the impacts of the next step
-        due = held or (speed * c.step + gap < 0.0 and (speed >= -c.threshold or weightless(w, p, wall)))
-    elif ti.static(not wall):
-        if due and not held:  # they may fly past one another
-            due = flight(w, p, i, j, normal, gap, motion, speed) < c.step
-    if due:
-        want = pairs.mass[p] * (speed + at_least(0.0, gap) * c.rate)
-        if ti.static(soft):
-            if touches(w, p):
-                bias = at_least(-c.push_cap, c.bias_rate * gap)
-                want = pairs.mass[p] * c.mass_scale * (speed + bias)
-                want += c.impulse_scale * (carried.x - s.reference[p] * c.step)
-        elif s.reference[p] > 0.0:
-            want *= OVER_RELAXATION
-        if low < 0.0 and gap > 0.0 and want > carried.x:
-            want = at_least(carried.x, draw(w, s, c, p, gap, speed, carried.x, soft))
-        new = ti.Vector([at_least(low, carried.x - want), 0.0])
-        arm_i, arm_j = arms(w, i, j, gap, lever, wall)
-        if ti.static(w.turns):
-            slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall) + slip_by(w, i, j, new.x - carried.x, arm_i, arm_j, lever, wall)
-            bound = ti.select(gap < NEAR * pairs.contact_distance[p], friction_bound(w, s, c, p, wall, new.x - low), 0.0)
-            new.y = within(bound, carried.y - pairs.mass_t[p] * slip)
-        if ti.static(not trial):
-            give(w, s, i, j, new - carried, normal, arm_i, arm_j, lever, ti.static(not soft), wall)
-            resist_rolling(w, s, c, p, i, j, new.x - low, wall)
-        carried = new
-        if ti.static(not trial):
-            pairs.force[p] = carried * c.rate
-    elif ti.static(not soft and not trial):
-        if speed < -0.5 * c.threshold and 2.0 * speed * c.step + gap < 0.0:
-            w.pace[None].impacts = 1
-    return carried
-
-
-@ti.func
-def draw(w: ti.template(), s: ti.template(), c: ti.template(), p, gap, speed, carried, soft: ti.template()):
-    """By how much the impulse of pair p changes where a bridge draws two grains together that are apart: as softly as an overlap is
-    pushed out. Were the gap to close within the step, bridges that pull against one another would shake a pile for good.
-    """
-    change = w.pairs.mass[p] * speed
-    if ti.static(soft):
-        change = c.mass_scale * (change + w.pairs.mass[p] * c.bias_rate * gap) + c.impulse_scale * (carried - s.reference[p] * c.step)
-    return change
 
 
 @ti.func

@@ -21,11 +21,12 @@ class NotInlined(Func):
 
     def __init__(self, function: Callable) -> None:
         super().__init__(function, is_real_function=True)
-        self.program: Any = None
 
     def __call__(self, *args: Any) -> Any:
-        if self.program is not impl.get_runtime().prog:
-            self.program, self.compiled, self.taichi_functions, self.mapper.mapping = impl.get_runtime().prog, {}, {}, {}
+        known = vars(impl.get_runtime()).setdefault("not_inlined", set())  # Taichi has another runtime when it is started afresh
+        if self not in known:
+            known.add(self)
+            self.compiled, self.taichi_functions, self.mapper.mapping = {}, {}, {}
         return super().__call__(*args)
 
     def do_compile(self, key: Any, args: Any, arg_features: Any) -> None:
@@ -46,7 +47,12 @@ class NotInlined(Func):
 
         self.taichi_functions[key.instance_id] = made
         self.compiled[key.instance_id] = body
-        made.set_function_body(body)
+        try:
+            made.set_function_body(body)
+        except BaseException:  # half a function is never called: who tries again gets another one
+            del self.compiled[key.instance_id]
+            self.mapper.mapping[object()] = self.mapper.mapping.pop(arg_features)
+            raise
 
 
 def noinline(function: Callable) -> Callable:
@@ -60,6 +66,5 @@ def noinline(function: Callable) -> Callable:
         return (func if impl.current_cfg().arch in CPUS else copied)(*args)
 
     call._is_taichi_function = True  # type: ignore[attr-defined]
-    call._is_real_function = False  # type: ignore[attr-defined]
-    call.func = func  # type: ignore[attr-defined]
+    call.func = func  # type: ignore[attr-defined]  # Taichi asks it whether it prints
     return call

@@ -32,25 +32,8 @@ def block_count(w: ti.template()):
 
 
 @ti.func
-def sweep_block(w: ti.template(), b, pair: ti.template(), s: ti.template(), c: ti.template()):
-    """pair(w, s, c, row, wall) on all pairs that belong to block b; of several functions one after the other. If `pair` is no tuple, it
-    finds its way through the block by itself: pair(w, s, c, b).
-    """
-    if ti.static(isinstance(pair, tuple)):
-        for one in ti.static(pair):
-            for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
-                one(w, s, c, p, False)
-            for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
-                one(w, s, c, p, True)
-    else:
-        pair(w, s, c, b)
-
-
-@noinline
-def run_pairs(w: ti.template(), s: ti.template(), one: ti.template(), wall: ti.template(), b: ti.i32, step: ti.f64):
-    """one(w, s, c, row, wall) on the pairs of block b, or on its pairs with walls, with the constants of the solver and this step [s]."""
-    c = s.constants[None]
-    c.step = ti.cast(step, w.real)
+def each_of_block(w: ti.template(), b, one: ti.template(), wall: ti.template(), s: ti.template(), c: ti.template()):
+    """one(w, s, c, row, wall) on the pairs of block b, or on its pairs with walls."""
     if ti.static(wall):
         for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
             one(w, s, c, p, True)
@@ -60,8 +43,26 @@ def run_pairs(w: ti.template(), s: ti.template(), one: ti.template(), wall: ti.t
 
 
 @ti.func
+def sweep_block(w: ti.template(), b, pair: ti.template(), s: ti.template(), c: ti.template()):
+    """pair(w, s, c, row, wall) on all pairs that belong to block b; of several functions one after the other."""
+    for one in ti.static(pair):
+        for wall in ti.static((False, True)):
+            each_of_block(w, b, one, wall, s, c)
+
+
+@noinline
+def run_pairs(w: ti.template(), s: ti.template(), one: ti.template(), wall: ti.template(), b: ti.i32, step: ti.f64):
+    """The same for one function, on pairs or on those with walls, with the constants of the solver and this step [s]."""
+    c = s.constants[None]
+    c.step = ti.cast(step, w.real)
+    each_of_block(w, b, one, wall, s, c)
+
+
+@ti.func
 def run_block(w: ti.template(), b, pair: ti.template(), s: ti.template(), c: ti.template()):
-    """The functions pair = (f, …) of a solver on all pairs of block b, each compiled by itself; see `sweep_block`."""
+    """The functions pair = (f, …) of a solver on all pairs of block b, each compiled by itself. If `pair` is no tuple, it finds its way
+    through the block by itself: pair(w, s, c, b).
+    """
     if ti.static(isinstance(pair, tuple)):
         for one in ti.static(pair):
             for wall in ti.static((False, True)):
