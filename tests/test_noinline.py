@@ -1,7 +1,11 @@
 """Functions compiled by themselves: they give what functions that are copied into the kernel give, in every Taichi of a process."""
 
 import math
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 import taichi as ti
@@ -97,3 +101,49 @@ def test_called_in_every_taichi_of_a_process(threads: int) -> None:
         assert column.to_numpy().tolist() == [*risen, -math.inf]
         assert found.to_numpy().tolist() == [3 * k + 1 for k in range(size)]
         runtime.forget()
+
+
+FILED = """
+import sys
+import numpy as np
+import taichi as ti
+from taichi_sand.taichi_support import field_pool, runtime
+from taichi_sand.taichi_support.noinline import noinline
+
+class User: pass
+
+def rise(by):
+    @noinline
+    def one(column: ti.template(), k: ti.i32):
+        column[k] += float(by)
+    one.func.func.__qualname__ = f"rise_by_{by}"
+    return one
+
+rises = [rise(by) for by in range(12)]
+
+@ti.kernel
+def rise_all(column: ti.template()):
+    for k in range(column.shape[0]):
+        for rise in ti.static(rises):
+            rise(column, k)
+
+user = User()
+runtime.start(user, "cpu", 1, 32)
+litter = [bytearray(n) for n in np.random.default_rng(int(sys.argv[1])).integers(1, 1000, 5000)]
+del litter[::2]
+column = field_pool.scalars(ti.f32, 2)
+rise_all(column)
+assert column.to_numpy().tolist() == [66.0, 66.0]
+"""
+
+
+def test_compiled_kernels_are_found_again(tmp_path: Path) -> None:
+    """By other processes, where functions lie elsewhere in memory."""
+    filed = []
+    for seed in range(3):
+        (tmp_path / "filed.py").write_text(FILED)
+        environment = os.environ | {"TI_OFFLINE_CACHE_FILE_PATH": str(tmp_path / "cache"), "PYTHONPATH": str(Path(__file__).parents[1])}
+        subprocess.run([sys.executable, tmp_path / "filed.py", str(seed)], check=True, env=environment, stdout=subprocess.DEVNULL)
+        filed.append(sorted(path.name for path in (tmp_path / "cache").rglob("*.tic")))
+    assert filed[0]
+    assert filed[0] == filed[1] == filed[2]

@@ -1,11 +1,12 @@
 """Makes Taichi read kernels in half the time: a warm start is mostly that.
 
 For every expression Taichi 1.7 wraps the lines of its source to a text for error messages, and for every call of a `ti.func` it looks up
-the source of that anew. Neither has to do with what is compiled.
+the source of that anew, and breaks its lines where they are longer than 9999. None of it has to do with what is compiled.
 """
 
 import inspect
-from types import CodeType
+import textwrap
+from types import CodeType, SimpleNamespace
 from typing import Any
 
 from taichi.lang import kernel_impl
@@ -35,6 +36,11 @@ def lines_of(function: Any) -> tuple[list[str], int]:
     return list(lines), first
 
 
+def unbroken(line: str, **_: int) -> str:
+    """In place of `textwrap.fill`, for a line of source."""
+    return line.expandtabs(4).rstrip()
+
+
 original = kernel_impl.getsourcelines
 
 
@@ -43,4 +49,5 @@ def trace_quickly() -> None:
     if PLAIN:
         return
     kernel_impl.getsourcelines = lines_of
+    kernel_impl.textwrap = SimpleNamespace(fill=unbroken, dedent=textwrap.dedent)
     ASTTransformerContext.get_pos_info = where
