@@ -15,6 +15,7 @@ from taichi_sand.run import live, stepping
 from taichi_sand.run.clock import Clock
 from taichi_sand.run.entry import changes, running
 from taichi_sand.run.growing import Growing
+from taichi_sand.run.instrument import Instrument
 from taichi_sand.run.looking import Looking
 from taichi_sand.run.readings import Readings
 from taichi_sand.run.saving import Keeping
@@ -43,7 +44,7 @@ MOST_STEPS = 2**31 - 1
 """That a simulation counts."""
 
 
-class Simulation(Growing, Tuning, Looking, Keeping, Readings):
+class Simulation(Instrument, Growing, Tuning, Looking, Keeping, Readings):
     """A scene in motion.
 
     Args:

@@ -53,6 +53,7 @@ class MolecularDynamics:
     effects: tuple
     step: Any  # ti.func of one step
     books: bool  # whether an effect has the hook `heat`
+    lags: bool  # whether the forces of a step are those of where the grains were at its start
     meets: ClassVar[bool] = False  # whether some steps have impacts, and others none
 
 
@@ -283,6 +284,5 @@ def build(scene: Any, values: dict[str, float], live: dict[str, float], own: lis
     constants = fill_struct(constants_type(world.real, live), {**values, **live})
     stages = allocate_stages(world.real, world.capacity) if solver.integrator == "rk4" else None
     books = any(hasattr(effect, "heat") for effect in effects)
-    return MolecularDynamics(
-        constants, solver.law, solver.k_d is None, INTEGRATORS[solver.integrator], run_walls, stages, effects, step, books
-    )
+    weighted, lags = solver.k_d is None, solver.integrator == "symplectic_euler"
+    return MolecularDynamics(constants, solver.law, weighted, INTEGRATORS[solver.integrator], run_walls, stages, effects, step, books, lags)

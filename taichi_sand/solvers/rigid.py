@@ -70,6 +70,7 @@ class Rigid:
     step: Any  # ti.func of one step
     renew: Any  # ti.func that starts it anew after grains, walls, the step or who sleeps have changed
     books: bool  # whether an effect has the hook `heat`
+    lags: ClassVar[bool] = False  # see MolecularDynamics
     meets: ClassVar[bool] = True  # whether some steps have impacts, and others none
 
 

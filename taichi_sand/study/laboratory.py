@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import taichi_sand as sand
+from taichi_sand.measure.contacts import contacts
 from taichi_sand.taichi_support import runtime
 
 R = 0.005
@@ -176,7 +177,7 @@ def kinetic(sim: Any, discs: Sequence[Disc]) -> float:
 
 @dataclass
 class Contact:
-    """A row of the neighbour list: ids of the two grains (second: the wall part if `wall`), normal, gap [m] and force [N]."""
+    """A pair of the neighbour list: ids of the two grains (second: the number of the wall if `wall`), normal, and force [N]."""
 
     first: int
     second: int
@@ -186,20 +187,11 @@ class Contact:
 
 
 def listed(sim: Any) -> list[Contact]:
-    """All pairs that the last list build listed, block by block."""
-    w = sim.world
-    ids = w.grains.id.to_numpy()
-    first, second, force, normal = (getattr(w.pairs, name).to_numpy() for name in ("first", "second", "force", "normal"))
-    used = w.grid.columns[None] * w.grid.rows[None] + (w.sleeps or w.boulders > 0) if w.layout == "cells" else None
-    spans = {name: getattr(w.blocks, name).to_numpy()[:used] for name in ("pair_start", "pair_end", "wall_start", "wall_end")}
-    rows = []
-    for wall, start, end in ((False, "pair_start", "pair_end"), (True, "wall_start", "wall_end")):
-        for low, high in zip(spans[start], spans[end], strict=True):
-            for p in range(low, high):
-                if not wall and first[p] == second[p]:
-                    continue  # a row that only fills up a lane
-                rows.append(Contact(ids[first[p]], second[p] if wall else ids[second[p]], wall, normal[p], force[p]))
-    return rows
+    """All pairs that the last list build listed, by ids."""
+    rows = contacts(sim, every=True)
+    forces = np.stack([rows["force_n"], rows["force_t"]], 1)
+    ids = zip(rows["id1"].tolist(), rows["id2"].tolist(), rows["normal"], forces, strict=True)
+    return [Contact(one, two if two >= 0 else -1 - two, two < 0, normal, force) for one, two, normal, force in ids]
 
 
 def chain_forces(sim: Any, count: int) -> np.ndarray:

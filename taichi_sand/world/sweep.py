@@ -106,7 +106,7 @@ def sweep(w: ti.template(), pair: ti.template(), grain: ti.template(), s: ti.tem
     To be called at the top level of a kernel (its loops are then the parallel ones), or, for the layout "one", inside a serial loop.
     """
     if ti.static(w.boulders > 0):
-        sweep_boulders(w, pair, grain, s, c, when)
+        sweep_boulders(w, pair, run_block, grain, s, c, when)
     if ti.static(w.layout == "one"):
         if when(w):
             run_block(w, 0, pair, s, c)
@@ -114,19 +114,23 @@ def sweep(w: ti.template(), pair: ti.template(), grain: ti.template(), s: ti.tem
     elif ti.static(w.layout == "strips"):
         sweep_strips(w, pair, grain, s, c, when)
     else:
-        sweep_cells(w, pair, s, c, when)
+        sweep_cells(w, pair, run_block, s, c, when)
         if ti.static(not is_nothing(grain)):
             each_grain(w, grain, s, c)
 
 
 @ti.func
-def sweep_boulders(w: ti.template(), pair: ti.template(), grain: ti.template(), s: ti.template(), c: ti.template(), when: ti.template()):
-    """The block of the boulders, by itself before all others; in cells the grain function comes later, with everybody's."""
+def sweep_boulders(
+    w: ti.template(), pair: ti.template(), run: ti.template(), grain: ti.template(), s: ti.template(), c: ti.template(), when: ti.template()
+):
+    """The block of the boulders, by itself before all others; in cells the grain function comes later, with everybody's. `run` is
+    `run_block` for functions of a solver, `sweep_block` for others.
+    """
     ti.loop_config(serialize=True)
     for _run in range(1):
         if when(w):
             b = block_count(w) - 1
-            run_block(w, b, pair, s, c)
+            run(w, b, pair, s, c)
             if ti.static(w.layout != "cells"):
                 grains_of_block(w, b, grain, s, c)
 
@@ -217,8 +221,9 @@ def sweep_twice(
 
 
 @ti.func
-def sweep_cells(w: ti.template(), pair: ti.template(), s: ti.template(), c: ti.template(), when: ti.template()):
+def sweep_cells(w: ti.template(), pair: ti.template(), run: ti.template(), s: ti.template(), c: ti.template(), when: ti.template()):
     """Six colours of cells; colours are dealt so that neither the E nor the N, NE, SE neighbours of two cells of one colour meet.
+    `run`: see `sweep_boulders`.
 
     The ranges do not depend on what is in the world: a GPU then starts no more threads than there can be work for, and needs no launch
     to find out how many.
@@ -229,7 +234,7 @@ def sweep_cells(w: ti.template(), pair: ti.template(), s: ti.template(), c: ti.t
             columns, rows = w.grid.columns[None], w.grid.rows[None]
             column, row = k // (rows // 3 + 1) * 2 + ti.static(colour // 3), k % (rows // 3 + 1) * 3 + ti.static(colour % 3)
             if column < columns and row < rows and when(w):
-                run_block(w, column * rows + row, pair, s, c)
+                run(w, column * rows + row, pair, s, c)
 
 
 @ti.func
@@ -237,8 +242,8 @@ def pairs_awake(w: ti.template(), pair: ti.template(), s: ti.template(), c: ti.t
     """pair(w, s, c, row, wall) on all pairs but those among sleepers, between launches: block by block, or in colours of cells."""
     if ti.static(w.layout == "cells"):
         if ti.static(w.boulders > 0):
-            sweep_boulders(w, (pair,), nothing, s, c, always)
-        sweep_cells(w, (pair,), s, c, always)
+            sweep_boulders(w, (pair,), sweep_block, nothing, s, c, always)
+        sweep_cells(w, (pair,), sweep_block, s, c, always)
     else:
         ti.loop_config(serialize=True)
         for b in range(block_count(w) - ti.static(int(w.sleeps))):
@@ -269,7 +274,7 @@ def each_pair(w: ti.template(), pair: ti.template(), s: ti.template(), c: ti.tem
 def each_grain(w: ti.template(), grain: ti.template(), s: ti.template(), c: ti.template()):
     """grain(w, s, c, start, end) on all grains, in the chunks that suit the layout."""
     if ti.static(w.boulders > 0):
-        sweep_boulders(w, (), grain, s, c, going)
+        sweep_boulders(w, (), run_block, grain, s, c, going)
     if ti.static(w.layout == "one"):
         grains_of_block(w, 0, grain, s, c)
     elif ti.static(w.layout == "strips"):

@@ -10,8 +10,8 @@ from taichi_sand.study.laboratory import OPEN, D, G, R, listed, simulate
 from taichi_sand.study.stress.gates import DOWN, Gate, case
 from taichi_sand.world.walls.build import standing_walls
 
-PISTON = 4
-"""Part of a wall that comes behind the four edges of the box."""
+PISTON = 0
+"""Its number."""
 
 
 @case("squeeze", "a rough piston sweeps a box of 150 discs until it is jammed, at constant speed and with 20 N at most (C24)")

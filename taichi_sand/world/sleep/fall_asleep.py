@@ -11,7 +11,7 @@ from taichi_sand.world.search.neighbour_list import build_neighbour_list_now
 from taichi_sand.world.search.prefix_sum import prefix_sum, put_in_order
 from taichi_sand.world.sleep.state import ASLEEP, MOST_PRICE, home, shake, site_of, sleep_pays, sleeper_block
 from taichi_sand.world.sleep.wake import clear_stale_rows_now, wake_some_now
-from taichi_sand.world.sweep import always, sweep_cells
+from taichi_sand.world.sweep import always, sweep_block, sweep_cells
 from taichi_sand.world.tables import World
 
 
@@ -256,7 +256,7 @@ def weigh_in_colours(w: ti.template(), s: ti.template()):
     """In cells what sleepers will carry is summed up while everybody's pairs are still in cells: in parallel, in a fixed order."""
     for j in range(w.capacity):
         w.sleep.balance[j], w.sleep.load[j] = ti.Vector([0.0, 0.0]), 0.0
-    sweep_cells(w, (put_pair,), s, s, always)
+    sweep_cells(w, (put_pair,), sweep_block, s, s, always)
 
 
 @ti.func
