@@ -28,6 +28,7 @@ from taichi_sand.play.session import VERBS, Session
 from taichi_sand.run import rooms, trust
 from taichi_sand.scene.packing import most_grains, pack
 from taichi_sand.world import checkpoint
+from taichi_sand.world.walls.build import tables_of
 
 BOX = {"size": [0.5, 0.5]}
 SCENES: dict[str, dict[str, Any]] = {
@@ -110,20 +111,18 @@ def test_all_that_is_declared_is_there() -> None:
 
 
 @pytest.fixture(scope="module")
-def looked_at(saved: tuple[dict, dict[str, np.ndarray]], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str, Any], str]]:
+def looked_at(saved: tuple[dict, dict[str, np.ndarray]]) -> Iterator[Callable[[str, Any], str]]:
     """Why the checkpoint is refused if one number of one table is another, or "": without the second that it takes to make a simulation."""
-    path = tmp_path_factory.mktemp("looked_at") / "state.npz"
-    write(path, *saved)
-    sim = sand.Simulation.resume(path, threads=1)
+    sim = resumed_from(saved)
     tables, random = checkpoint.tables_of(sim._fields()), np.random.default_rng(3)
-    world, kinds = sim.world, len(sim.sizes)
+    world, scene, kinds = sim.world, sim.scene, len(sim.sizes)
     del sim  # the next one has its tables, and need not be compiled
 
-    def look(name: str, value: Any) -> str:
+    def look(name: str, value: Any, place: int | None = None) -> str:
         changed = tables[name].copy()
-        changed.flat[random.integers(changed.size)] = value
+        changed.flat[random.integers(changed.size) if place is None else place] = value
         try:
-            trust.check(world, kinds, tables, {**tables, name: changed})
+            trust.check(world, scene, kinds, tables, {**tables, name: changed})
         except sand.SandError as error:
             return str(error)
         return ""
@@ -145,6 +144,28 @@ def test_every_index_that_is_out_of_range_is_refused(
                 continue
             said = looked_at(name, value)
             assert trust.short(name).partition("_")[0].partition(":")[0] in said and "\n" not in said, (name, value, said)
+
+
+def test_walls_are_those_of_the_scene(saved: tuple[dict, dict[str, np.ndarray]], looked_at: Callable[[str, Any], str]) -> None:
+    """A part of a still wall that is said to move crashed: its entries have no arm."""
+    random = np.random.default_rng(4)
+    found = {trust.short(name): (name, values) for name, values in saved[1].items()}
+    sim = resumed_from(saved)
+    tables = tables_of(sim.world, sim.scene)
+    assert {"walls.start", "walls.part", "walls.point"} < set(tables)
+    assert ("movers.wall" in tables) == sim.world.moves
+    for short, expected in tables.items():
+        name, values = found[short]
+        place = int(random.integers(expected.size))
+        for value in (-1, 0, 1, 63) if values.dtype.kind == "i" else (-1e9, 0.0, 1e9):
+            if values.flat[place] != value:
+                assert short in looked_at(name, value, place), (short, value)
+
+
+def resumed_from(saved: tuple[dict, dict[str, np.ndarray]]) -> sand.Simulation:
+    with tempfile.TemporaryDirectory() as folder:
+        write(Path(folder) / "state.npz", *saved)
+        return sand.Simulation.resume(Path(folder) / "state.npz", threads=1)
 
 
 def test_the_tampered_file_that_crashed(saved: tuple[dict, dict[str, np.ndarray]], tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ def check(sim: Any, record: Host, fresh: Mapping[str, np.ndarray], stored: Mappi
         number(f"over {key}", abs(value))
         if not live.beyond(record.scene, key, value):
             raise SandError(f"{key} = {value:g} is not beyond what a scene may have")
-    trust.check(sim.world, len(sim.sizes), fresh, stored)
+    trust.check(sim.world, record.scene, len(sim.sizes), fresh, stored)
     if steps > record.steps or record.steps != int(stored[".0.pace:done"]):
         raise SandError(f"steps = {record.steps} does not fit its tables")
     if len(sim.scene.grains) and int(stored[".0.grains.id"].max()) >= record.made:

@@ -11,8 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_sand.errors import SandError
+from taichi_sand.scene.schema import Scene
 from taichi_sand.world.clumps import MOST
 from taichi_sand.world.tables import World
+from taichi_sand.world.walls.build import tables_of
 
 LARGEST = 2**31 - 1
 LATEST = 2**30  # steps
@@ -163,12 +165,13 @@ def short(name: str) -> str:
     return re.sub(r"^\.0\.|^\.1\.|(?<=effects)\.\d+(?=\.)", "", name)
 
 
-def check(world: World, kinds: int, fresh: dict[str, np.ndarray], stored: dict[str, np.ndarray]) -> None:
+def check(world: World, scene: Scene, kinds: int, fresh: dict[str, np.ndarray], stored: dict[str, np.ndarray]) -> None:
     """Looks at the tables of a checkpoint before they go into a world.
 
     Args:
         world: that they are for.
-        kinds: of grains that its scene has.
+        scene: that they are of; its walls may be others than those of the world.
+        kinds: of grains that there are.
         fresh: its tables as they are, before the first step.
         stored: those of the checkpoint, of the same names, shapes and types.
 
@@ -186,7 +189,7 @@ def check(world: World, kinds: int, fresh: dict[str, np.ndarray], stored: dict[s
             raise SandError(f"{key} is {values.tolist()}, but {fresh[name].tolist()} for its scene")
     named = {short(name): values for name, values in stored.items()}
     started = {short(name): values for name, values in fresh.items()}
-    for wrong in (*relations(world, sizes, named), *_flights(world, named, started)):
+    for wrong in (*_walls(world, scene, named), *relations(world, sizes, named), *_flights(world, named, started)):
         if wrong:
             raise SandError(wrong)
 
@@ -201,6 +204,20 @@ def _check_whole(key: str, values: np.ndarray, fresh: np.ndarray, sizes: Sizes) 
     wrong = values[(values < low) | (values > high)]
     if len(wrong):
         raise SandError(f"{key} holds {wrong.flat[0]}, which must lie in {low} … {high}")
+
+
+def _walls(world: World, scene: Scene, of: dict[str, np.ndarray]) -> Iterator[str]:
+    """What is wrong with the tables that follow from the walls of the scene: kernels find entries and sites by them."""
+    try:
+        tables = tables_of(world, scene)
+    except SandError as error:
+        yield str(error)
+        return
+    slack = EQUAL * float(of["box:least"])
+    for name, values in tables.items():
+        rows = of[name][: len(values)]
+        if rows.shape != values.shape or not np.allclose(rows, values, EQUAL, slack if rows.dtype.kind == "f" else 0):
+            yield f"{name} does not fit the walls of its scene"
 
 
 def relations(world: World, sizes: Sizes, of: dict[str, np.ndarray]) -> Iterator[str]:

@@ -13,9 +13,9 @@ from taichi_sand.world.search.neighbour_list import MOST_REACH
 from taichi_sand.world.sleep.fall_asleep import wake
 from taichi_sand.world.tables import World, write_rows
 from taichi_sand.world.walls.joints import Part, join
-from taichi_sand.world.walls.motion import BLUR, JAMMED, TOLERANCES, Movers, allocate_movers, hours, set_out
+from taichi_sand.world.walls.motion import BLUR, JAMMED, TOLERANCES, Movers, allocate_movers, constants, hours, set_out
 from taichi_sand.world.walls.polylines import Frame, clipped
-from taichi_sand.world.walls.segments import build_walls, cast_parts, edge_parts, fits, part_room, renumber, write_walls
+from taichi_sand.world.walls.segments import COLUMNS, build_walls, cast_parts, edge_parts, fits, part_room, renumber, write_walls
 
 SIDES = ("left", "right", "bottom", "top")
 
@@ -122,17 +122,51 @@ def build_movers(scene: Any, parts: list[Part], walls: Any, sites: tuple[int, in
     return movers
 
 
-def write_parts(movers: Movers, parts: list[Part]) -> None:
-    """Which parts move, and how they lie at time 0."""
+def part_columns(parts: list[Part], pivots: np.ndarray) -> dict[str, np.ndarray]:
+    """Which parts move, and how they lie at time 0 from the pivots (walls, 2) [m] of their walls; a row a part that moves."""
     those = [(number, part) for number, part in enumerate(parts) if part.mover >= 0]
-    pivots = movers.pivot.to_numpy()
-    write_rows(movers.wall, np.array([part.mover for part in parts] + [-1] * (movers.wall.shape[0] - len(parts))))
-    movers.parts[None] = len(those)
-    write_rows(movers.part, np.array([number for number, _ in those]))
-    write_rows(movers.home, np.array([[*(part.point - pivots[part.mover]), *part.along] for _, part in those]))
-    write_rows(movers.bounds, np.array([part.bounds for _, part in those]))
-    write_rows(movers.slopes, np.array([part.slopes for _, part in those]))
-    write_rows(movers.side, np.array([part.side for _, part in those]))
+    return {
+        "part": np.array([number for number, _ in those]),
+        "home": np.array([[*(part.point - pivots[part.mover]), *part.along] for _, part in those]),
+        "bounds": np.array([part.bounds for _, part in those]),
+        "slopes": np.array([part.slopes for _, part in those]),
+        "side": np.array([part.side for _, part in those]),
+    }
+
+
+def owners(movers: Movers, parts: list[Part]) -> np.ndarray:
+    """Which moving wall every part belongs to, -1 where none, for all that there is room for."""
+    return np.array([part.mover for part in parts] + [-1] * (movers.wall.shape[0] - len(parts)))
+
+
+def write_parts(movers: Movers, parts: list[Part]) -> None:
+    """Puts the parts that move into the table."""
+    columns = part_columns(parts, movers.pivot.to_numpy())
+    for name, values in columns.items():
+        write_rows(getattr(movers, name), values)
+    write_rows(movers.wall, owners(movers, parts))
+    movers.parts[None] = len(columns["part"])
+
+
+def entries_of(world: World, parts: list[Part]) -> list[np.ndarray]:
+    """Where the parts that stand still are felt from; see `cast_parts`."""
+    box = world.box[None]
+    reach = box.largest / 2 + MOST_REACH * box.diameter + box.bridge
+    return cast_parts(parts, tuple(box.spacing), tuple(box.sites), reach, world.periodic)
+
+
+def tables_of(world: World, scene: Any) -> dict[str, np.ndarray]:
+    """What the walls of `scene` make of the tables of `world`, which has room for them: their first rows, by name."""
+    parts = wall_parts(scene, world.box[None].least)
+    found = dict(zip(COLUMNS, entries_of(world, parts), strict=True))
+    tables = {f"walls.{name}": values for name, values in found.items()}
+    if world.walls.rough:
+        tables["walls.friction"] = np.array([part.friction for part in parts])
+    if world.moves:
+        fixed = constants(moving_walls(scene))
+        moved = {**fixed, **part_columns(parts, fixed["pivot"]), "wall": owners(world.movers, parts)}
+        tables |= {f"movers.{name}": values for name, values in moved.items()}
+    return tables
 
 
 def change_walls(world: World, before: Any, after: Any) -> None:
@@ -140,10 +174,8 @@ def change_walls(world: World, before: Any, after: Any) -> None:
 
     What grains carry on parts that stay is remembered.
     """
-    box = world.box[None]
-    old, new = wall_parts(before, box.least), wall_parts(after, box.least)
-    reach = box.largest / 2 + MOST_REACH * box.diameter + box.bridge
-    entries = cast_parts(new, tuple(box.spacing), tuple(box.sites), reach, world.periodic)
+    old, new = (wall_parts(scene, world.box[None].least) for scene in (before, after))
+    entries = entries_of(world, new)
     if moving_walls(before) != moving_walls(after):
         raise after.error("walls", "those that move must stay as they are while it runs")
     if not fits(world.walls, new, entries):

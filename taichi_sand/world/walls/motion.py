@@ -100,14 +100,13 @@ def allocate_movers(real: Any, wide: Any, walls: int, every: int, parts: int, si
     return Movers(**columns, driven=driven)
 
 
-def set_out(movers: Movers, walls: Sequence[Any]) -> None:
-    """All clocks at 0, for these moving [[walls]]; one with a mass starts from rest."""
+def constants(walls: Sequence[Any]) -> dict[str, np.ndarray]:
+    """What of their tables follows from these moving [[walls]], and stays; a row a wall."""
     shakes = [moving.shaking(wall) for wall in walls]
     speeds = np.array([np.hypot(*wall.velocity) for wall in walls])
     velocities = np.array([wall.velocity for wall in walls])
-    rates = np.array([0.0 if wall.mass else 1.0 for wall in walls])
     columns = {
-        "velocity": [wall.velocity for wall in walls],
+        "velocity": velocities,
         "spin": [wall.spin for wall in walls],
         "pivot": [moving.pivot(wall) for wall in walls],
         "amplitude": [amplitude for amplitude, _ in shakes],
@@ -117,12 +116,16 @@ def set_out(movers: Movers, walls: Sequence[Any]) -> None:
         "mass": [wall.mass or 0.0 for wall in walls],
         "way": velocities / np.maximum(speeds, 1e-30)[:, None],
         "speed": speeds,
-        "rate": rates,
-        "onward": rates,
-        "head": np.full(movers.head.shape[0], -1),
     }
+    return {name: np.array(values) for name, values in columns.items()}
+
+
+def set_out(movers: Movers, walls: Sequence[Any]) -> None:
+    """All clocks at 0, for these moving [[walls]]; one with a mass starts from rest."""
+    rates = np.array([0.0 if wall.mass else 1.0 for wall in walls])
+    columns = {**constants(walls), "rate": rates, "onward": rates, "head": np.full(movers.head.shape[0], -1)}
     for name, values in columns.items():
-        write_rows(getattr(movers, name), np.array(values))
+        write_rows(getattr(movers, name), values)
     movers.walls[None] = len(walls)
     movers.first[None] = -1
 

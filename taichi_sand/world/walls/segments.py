@@ -29,6 +29,10 @@ class Walls(NamedTuple):
     room: int  # entries of still walls that there may be; behind them are those of walls that move
 
 
+COLUMNS = ("start", "part", "side", "point", "along", "bounds", "slopes")
+"""Of the table, as `cast_parts` gives them."""
+
+
 def edge_parts(size: tuple[float, float], walled: Sequence[bool]) -> list[Part]:
     """The edges of the box that are walls, in the order left, right, bottom, top; `along` has the inside on its left."""
     w, h = size
@@ -68,9 +72,7 @@ def near_sites(
 def cast_parts(
     parts: list[Part], spacing: tuple[float, float], sites: tuple[int, int], reach: float, wraps: tuple[bool, bool]
 ) -> list[np.ndarray]:
-    """The entries of the parts that stand still, by lattice site: start of each site; part, side, point, along, bounds and slopes of
-    each entry.
-    """
+    """The entries of the parts that stand still, by lattice site, as COLUMNS: the start of each site, and what else an entry has."""
     columns: list[list[np.ndarray]] = [[] for _ in range(7)]
     step = np.array(spacing)
     for number, part in enumerate(parts):
@@ -128,9 +130,8 @@ def fits(table: Walls, parts: list[Part], entries: list[np.ndarray]) -> bool:
 
 def write_walls(table: Walls, parts: list[Part], entries: list[np.ndarray]) -> None:
     """Puts parts and their entries into the table."""
-    columns = [table.start, table.part, table.side, table.point, table.along, table.bounds, table.slopes]
-    for field, values in zip(columns, entries, strict=True):
-        write_rows(field, values)
+    for name, values in zip(COLUMNS, entries, strict=True):
+        write_rows(getattr(table, name), values)
     if table.rough:
         write_rows(table.friction, np.array([part.friction for part in parts]))
 
