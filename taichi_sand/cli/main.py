@@ -11,6 +11,7 @@ import typer.core
 import taichi_sand
 from taichi_sand import effects
 from taichi_sand.cli import leaving, printing, study, sweep
+from taichi_sand.cli.export import Outputs
 from taichi_sand.cli.leaving import in_one_sentence
 from taichi_sand.cli.options import Arch, Effects, Overrides, Precision, SceneName, Seconds, Threads, check_seconds, progress_bar
 from taichi_sand.errors import PhysicsError, SandError
@@ -44,8 +45,14 @@ def run(
     scene: Annotated[str | None, typer.Argument(metavar="SCENE", help="Path or bundled name; not needed with --resume.")] = None,
     seconds: Seconds = None,
     as_json: Annotated[bool, typer.Option("--json", help="Prints the report as JSON, and nothing else, on stdout.")] = False,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE.gsd", help="Writes a trajectory; see --every.")] = None,
+    every: Annotated[
+        float | None, typer.Option("--every", metavar="S", help="Simulated seconds from frame to frame; else that of [record], 0.01.")
+    ] = None,
     save: Annotated[Path | None, typer.Option("--save", metavar="FILE", help="Writes a checkpoint at the end.")] = None,
-    resume: Annotated[Path | None, typer.Option("--resume", metavar="FILE", help="Goes on from a checkpoint.")] = None,
+    resume: Annotated[
+        Path | None, typer.Option("--resume", metavar="FILE", help="Goes on from a checkpoint, and with the trajectory --out.")
+    ] = None,
     overrides: Overrides = None,
     effect: Effects = None,
     arch: Arch = "cpu",
@@ -57,9 +64,10 @@ def run(
         check_seconds(seconds)
         if save is not None:
             writing.check(save, "--save")
+        outputs = Outputs(out, every)
         asked = _overrides(overrides, **{"solver.precision": precision})
         sim = _start(scene, asked, effect, arch, threads) if resume is None else _resume(resume, scene, asked, effect, arch, threads)
-        with progress_bar(sim.scene.title or "run") as progress:
+        with outputs.of(sim), progress_bar(sim.scene.title or "run") as progress:
             if seconds is None:
                 sim.advance_to(sim.scene.duration, progress=progress)
             else:

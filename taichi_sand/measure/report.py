@@ -30,7 +30,7 @@ between smooth sides gives its weight.
 `grains_waiting`: with sources: grains that were due when these last looked, and have found no room yet; flagged when more than a tenth.
 `grains_asleep`: with the effect `sleeping`: grains that are not computed at present.
 `wall_time_s`, and what is made of it: since the simulation was made or resumed, without compiling.
-`stages_s`: wall time by stage [s]: march (lists and steps), effects, look (depth of the pile), measure.
+`stages_s`: wall time by stage [s]: march (lists and steps), effects, look (depth of the pile), measure, record (trajectories).
 `warnings`: what holds, but only roughly, a sentence each: flows that are too soft or too fast; empty when there is nothing to say.
 `flags`: what had to be bounded or went wrong, a sentence each; empty when all is well.
 `solver`, `effects`, `arch`, `threads` and `precision`: what it ran with; `threads` is null for all there are.

@@ -57,3 +57,5 @@ def running(sim: Any) -> Iterator[None]:
     finally:
         if sim.runner == me:
             sim.runner = before
+            if before is None:
+                sim.flush_recorders()

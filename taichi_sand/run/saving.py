@@ -37,6 +37,7 @@ class Keeping:
     returning: Any
     take_room: Any
     _world: Any
+    recorders: list[Any]
 
     def _fields(self) -> dict[str, Any]:
         return checkpoint.fields_of((self.world, self.solver), "")
@@ -54,6 +55,8 @@ class Keeping:
         the system. Nothing but this can be asked of it afterwards. `with Simulation(…) as sim:` closes it at the end.
         """
         check_runner(self)
+        for recorder in list(self.recorders):
+            recorder.stop()
         self._world, self.solver, self.hand, self.pausing = None, None, None, []
         self.returning()
         runtime.done(self)

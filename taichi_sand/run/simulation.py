@@ -18,6 +18,7 @@ from taichi_sand.run.growing import Growing
 from taichi_sand.run.instrument import Instrument
 from taichi_sand.run.looking import Looking
 from taichi_sand.run.readings import Readings
+from taichi_sand.run.recording import Recorded, Recorder
 from taichi_sand.run.saving import Keeping
 from taichi_sand.run.tuning import Tuning
 from taichi_sand.scene import loading
@@ -44,7 +45,7 @@ MOST_STEPS = 2**31 - 1
 """That a simulation counts."""
 
 
-class Simulation(Instrument, Growing, Tuning, Looking, Keeping, Readings):
+class Simulation(Instrument, Growing, Tuning, Looking, Keeping, Recorded, Readings):
     """A scene in motion.
 
     Args:
@@ -65,6 +66,7 @@ class Simulation(Instrument, Growing, Tuning, Looking, Keeping, Readings):
         scene = loading.scene_of(scene)
         self.cadence = stepping.Cadence()
         self.runner: int | None = None  # thread that is advancing it
+        self.recorders: list[Recorder] = []
         with turn, self.clock.stage("compile"):
             self.scene, self.arch, self.room = scene, arch, room
             self.first_walls = scene.walls  # those that tables have been made for
@@ -205,7 +207,8 @@ class Simulation(Instrument, Growing, Tuning, Looking, Keeping, Readings):
         """A launch of steps, up to step `end`, and the pauses that are due then."""
         pauses = self._pauses()
         fit = self.cadence.steps(stepping.awake(self.world))
-        part = min([end - self.steps, fit, self._steps_to_look()] + [every - self.steps % every for _, every in pauses])
+        due = min(every - self.steps % every for _, every in (*pauses, (None, MOST_STEPS)))
+        part = min(end - self.steps, fit, self._steps_to_look(), self._steps_to_record(), due)
         before, start = self.steps, time.perf_counter()
         with self.clock.stage("march"):
             self._march(part)
@@ -221,6 +224,7 @@ class Simulation(Instrument, Growing, Tuning, Looking, Keeping, Readings):
                 self._hasten()
             elif self._steps_to_look() == self._look_every():
                 self._look()
+        self._look_at_recorders()
 
     def _pauses(self) -> list[tuple[Callable[[Any, Any], None], int]]:
         """What acts between launches, and after how many steps each."""

@@ -15,6 +15,7 @@ from pydantic import BaseModel, PrivateAttr, ValidationError, model_validator
 from taichi_sand.errors import SandError
 from taichi_sand.scene import checks
 from taichi_sand.scene.kinds import Angle, Box, Edge, Number, Range, Switch, Table, Vector, Whole, key, sealed
+from taichi_sand.scene.record import Record
 from taichi_sand.scene.rows import read_rows
 from taichi_sand.scene.shapes import BUILT_IN, Form, form
 from taichi_sand.scene.wording import in_words
@@ -210,6 +211,7 @@ class Scene(Table):
     sinks: tuple[Sink, ...] = key((), "take grains out")
     effects: dict[str, dict[str, Any]] = key({}, "a table present = the effect is on")
     view: View = key(View(), "how pictures look")
+    record: Record = key(Record(), "what `run` writes beside its report")
     _source: str = PrivateAttr("")
 
     def __init__(self, /, **data: Any) -> None:
@@ -294,4 +296,4 @@ class Scene(Table):
 
 def _tables() -> dict[str, type[BaseModel]]:
     kinds = {"solver": Solver, "shapes": Shape, "grains": Grains, "walls": Wall, "shake": Shake, "sources": Source, "sinks": Sink}
-    return {"": Scene, "edges": Edges, "view": View, **kinds}
+    return {"": Scene, "edges": Edges, "view": View, "record": Record, **kinds}

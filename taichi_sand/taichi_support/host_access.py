@@ -8,6 +8,7 @@ memory of a CPU as a plain table (on a GPU, or sparse) goes Taichi's way.
 import ctypes
 import math
 import os
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -79,6 +80,23 @@ def clear(field: Any) -> None:
         return
     for member in {one._snode.ptr.parent.id: one for one in members_of(field)}.values():
         ctypes.memset(start_of(member), 0, math.prod(member.shape) * member._snode.ptr.parent.cell_size_bytes)
+
+
+def reader(field: Any) -> Callable[[], np.ndarray]:
+    """A function that gives the numbers of a field of numbers or vectors, (rows,) or (rows, n): where they lie, if the field is plain,
+    and not to be changed or kept; else a copy.
+    """
+    members = members_of(field)
+    step = np.dtype(util.to_numpy_type(members[0].dtype)).itemsize
+    if PLAIN or not all(map(plain, members)):
+        return field.to_numpy
+    starts = [start_of(one) + one._snode.ptr.offset_bytes_in_parent_cell for one in members]
+    if len(members) == 1 or starts != [starts[0] + k * step for k in range(len(members))]:
+        views = [view(one) for one in members]
+        return (lambda: views[0]) if isinstance(field, ScalarField) else (lambda: np.stack(views, axis=-1))
+    first = view(members[0])
+    whole = np.lib.stride_tricks.as_strided(first, (*first.shape, len(members)), (*first.strides, step), writeable=False)
+    return lambda: whole
 
 
 class Accessor:

@@ -1,0 +1,162 @@
+"""What a frame of a trajectory holds, in the chunks of the GSD schema hoomd (gsd.readthedocs.io): a particle a disc.
+
+Particles come in the order of the ids of their grains, the discs of a clump one after the other. `log/particles/id` is the id of the
+grain; `particles/body` is that too for the discs of a clump, and -1 for grains that are one disc. The schema's central particles, which
+have a mass and no size, are left out: every particle is a disc that can be seen. The mass of a clump is shared among its discs by area,
+velocities are those of the discs, moments of inertia are of each disc about its own centre: so momentum and kinetic energy of the
+particles are those of the clump wherever its discs do not overlap.
+
+The box is the scene's, with its centre as the origin: a place in the scene is the position plus `log/shift`. Over a periodic edge
+positions are folded into the box. Angles are the quaternion (cos a/2, 0, 0, sin a/2). Fixed grains have the mass that their density
+gives. Units are SI with areal density, so masses are kg and forces N.
+"""
+
+import json
+from typing import Any
+
+import numpy as np
+
+from taichi_sand.scene.shapes import mass
+from taichi_sand.taichi_support.host_access import reader
+
+COLUMNS = ("site", "offset", "shift", "twist", "angle", "turn", "radius", "mobility", "id", "kind")
+"""Of the table of grains that a frame is made from."""
+
+
+def words(lines: list[str]) -> np.ndarray:
+    """Words as the schema has them: a row of bytes each, zeros behind."""
+    longest = max((len(line.encode()) for line in lines), default=0) + 1
+    rows = np.array([line.encode() for line in lines], dtype=np.dtype((bytes, longest)))
+    return rows.view(np.int8).reshape(len(lines), longest)
+
+
+class Kinds:
+    """The kinds of grains of a scene, a table of grains or sources each: what all their grains have in common."""
+
+    def __init__(self, scene: Any) -> None:
+        tables = (*scene.grains, *scene.sources)
+        forms = [scene.form_of(table) for table in tables]
+        self.many = np.array([len(form.discs) for form in forms] or [1])  # discs
+        self.start = np.cumsum(self.many) - self.many
+        self.discs = np.concatenate([form.discs for form in forms] or [[[0.0, 0.0, 1.0]]])  # x, y, radius over that of the grain
+        self.clumps = bool((self.many > 1).any())
+        self.dense = np.array([mass(form, np.ones(1), table.density)[0] for form, table in zip(forms, tables)] or [1.0])  # mass / radius²
+        names = [f"grains[{k}]" for k in range(len(scene.grains))] + [f"sources[{k}]" for k in range(len(scene.sources))]
+        shapes = [json.dumps({"type": "Sphere", "diameter": 2 * mean_radius(table)}) for table in tables]
+        self.chunks = {"particles/types": words(names or ["A"]), "particles/type_shapes": words(shapes or ["{}"])}
+
+
+def mean_radius(table: Any) -> float:
+    """Of the discs of a table of grains or sources [m]; 0 if it has none."""
+    return float(np.mean(table.radius or [row[2] for row in table.positions if len(row) > 2] or [0.0]))
+
+
+class Frames:
+    """Makes the frames of a simulation."""
+
+    def __init__(self, sim: Any) -> None:
+        self.kinds = Kinds(sim.scene)
+        self.world: Any = None
+
+    def table(self, sim: Any) -> dict[str, np.ndarray]:
+        """The grains present, by id: SI, f64."""
+        if sim.world is not self.world:  # tables that have grown are others
+            self.world = sim.world
+            self.columns = {name: reader(getattr(sim.world.grains, name)) for name in COLUMNS}
+            carried = sim.world.carried._asdict() if sim.world.carried else {}
+            self.columns |= {f"log/particles/{name}": reader(column) for name, column in carried.items()}
+            self.asleep = reader(sim.world.sleep.mobility) if sim.world.sleeps else None
+            self.spacing = np.array(sim.world.box[None].spacing.to_list())
+        count = sim.count
+        ids = self.columns["id"]()[:count]
+        order = np.argsort(ids)
+        table = {name: column()[:count][order] for name, column in self.columns.items()}
+        if self.asleep:  # sleepers have theirs kept for them
+            awake = sim.world.sleep.state[None].awake
+            table["mobility"] = np.where((order >= awake)[:, None], self.asleep()[:count][order], table["mobility"])
+        moved = table["offset"].astype(float) + table["shift"]
+        table["position"] = (table["site"] + 0.5) * self.spacing + moved
+        table["angle"] = table["angle"].astype(float) + table["turn"]
+        return table
+
+    def mass(self, table: dict[str, np.ndarray]) -> np.ndarray:
+        """Masses of grains [kg]; of fixed ones by their density."""
+        inverse = table["mobility"][:, 0].astype(float)
+        mass = np.divide(1.0, inverse, out=np.zeros(len(inverse)), where=inverse > 0)
+        return np.where(inverse > 0, mass, self.kinds.dense[table["kind"]] * table["radius"].astype(float) ** 2)
+
+    def of(self, sim: Any) -> dict[str, np.ndarray]:
+        """The chunks of this moment, by name."""
+        table, scene = self.table(sim), sim.scene
+        whole = self.mass(table)
+        discs = discs_of(table, whole, self.kinds)
+        owner, size, count = discs.pop("owner"), np.array(scene.size), len(discs["radius"])
+        half, ids = table["angle"][owner] / 2, table["id"][owner].astype(np.int32)
+        columns = {name: np.zeros((count, width), np.float32) for name, width in WIDTHS.items()}
+        columns["mass"], columns["diameter"] = discs["mass"].astype(np.float32), (2 * discs["radius"]).astype(np.float32)
+        columns["moment_inertia"][:, 2] = 0.5 * discs["mass"] * discs["radius"] ** 2
+        columns["position"][:, :2] = centred(discs["place"], size, scene.periodic)
+        columns["velocity"][:, :2] = discs["velocity"]
+        columns["orientation"][:, 0], columns["orientation"][:, 3] = np.cos(half), np.sin(half)
+        return {
+            "configuration/step": np.array([sim.steps], np.uint64),
+            "configuration/dimensions": np.array([2], np.uint8),
+            "configuration/box": np.array([*scene.size, 0, 0, 0, 0], np.float32),
+            "particles/N": np.array([count], np.uint32),
+            **self.kinds.chunks,
+            "particles/typeid": table["kind"][owner].astype(np.uint32),
+            "particles/body": np.where(self.kinds.many[table["kind"][owner]] > 1, ids, np.int32(-1)),
+            **{f"particles/{name}": values for name, values in columns.items()},
+            "log/time": np.array([sim.time]),
+            "log/shift": size / 2,
+            "log/particles/id": ids,
+            "log/particles/spin": table["twist"][owner, 2].astype(np.float32),
+            **{name: values[owner].astype(np.float32) for name, values in table.items() if name.startswith("log/")},
+            **energies(table, whole, scene.gravity),
+        }
+
+
+WIDTHS = {"moment_inertia": 3, "position": 3, "velocity": 3, "orientation": 4}
+
+
+def discs_of(table: dict[str, np.ndarray], whole: np.ndarray, kinds: Kinds) -> dict[str, Any]:
+    """The discs of grains with the masses `whole`, a row each: owner (rows of the table), place, velocity, radius, mass."""
+    velocity, radius = table["twist"][:, :2], table["radius"].astype(float)
+    if not kinds.clumps:
+        return {"owner": slice(None), "place": table["position"], "velocity": velocity, "radius": radius, "mass": whole}
+    kind = table["kind"]
+    many = kinds.many[kind]
+    owner = np.repeat(np.arange(len(kind)), many)
+    number = np.arange(len(owner)) - np.repeat(np.cumsum(many) - many, many)
+    own = kinds.discs[kinds.start[kind[owner]] + number] * radius[owner, None]
+    angle, spin, area = table["angle"][owner], table["twist"][owner, 2], own[:, 2] ** 2
+    c, s = np.cos(angle), np.sin(angle)
+    arm = np.stack([c * own[:, 0] - s * own[:, 1], s * own[:, 0] + c * own[:, 1]], axis=1)
+    return {
+        "owner": owner,
+        "place": table["position"][owner] + arm,
+        "velocity": velocity[owner] + spin[:, None] * np.stack([-arm[:, 1], arm[:, 0]], axis=1),
+        "radius": own[:, 2],
+        "mass": whole[owner] * area / np.bincount(owner, area, len(kind))[owner],
+    }
+
+
+def centred(place: np.ndarray, size: np.ndarray, periodic: tuple[bool, bool]) -> np.ndarray:
+    """Places (n, 2) [m] from the centre of the box, float32; over a periodic edge they are folded into it."""
+    shifted = place - size / 2
+    for axis, wraps in enumerate(periodic):
+        if wraps:
+            folded = np.float32(place[:, axis] % size[axis] - size[axis] / 2)
+            shifted[:, axis] = np.where(folded >= np.float32(size[axis] / 2), -size[axis] / 2, folded)  # rounded up
+    return shifted.astype(np.float32)
+
+
+def energies(table: dict[str, np.ndarray], whole: np.ndarray, gravity: tuple[float, float]) -> dict[str, np.ndarray]:
+    """Of the grains that can move, as the report has them [J]."""
+    turning = table["mobility"][:, 2].astype(float)
+    inertia = np.divide(1.0, turning, out=np.zeros(len(whole)), where=turning > 0)
+    free = whole * (table["mobility"][:, 0] > 0)
+    twist = table["twist"].astype(float)
+    kinetic = 0.5 * (free @ twist[:, 0] ** 2 + free @ twist[:, 1] ** 2 + inertia @ twist[:, 2] ** 2)
+    potential = -(free @ (table["position"] @ np.array(gravity)))
+    return {"log/kinetic_energy_J": np.array([kinetic]), "log/potential_energy_J": np.array([potential])}
