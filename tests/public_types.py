@@ -27,6 +27,18 @@ def of_the_readme(path: Path) -> np.ndarray:
     return sim.positions + sim.velocities + sim.image()
 
 
+def of_steering(sim: Simulation) -> bool:
+    """Lists, arrays and numbers of NumPy alike."""
+    ids = sim.add([[0.1, 0.2]], radius=np.float32(0.01), velocities=(0.0, 1.0), kind="disc")
+    assert_type(ids, np.ndarray)
+    sim.set_state(ids, positions=np.array([[0.1, 0.2]]), spins=[1.0])
+    sim.push(ids[0], force=(1.0, 0.0), torque=0.5)
+    sim.remove(ids)
+    handle = sim.every(0.01, lambda s: s.set("gravity", [0.0, -1.0]))
+    handle.stop()
+    return sim.advance_until("rest", at_most=1.0) or sim.advance_until(lambda s: s.count > 3, at_most=1)
+
+
 def of_an_error() -> str:
     """What is raised."""
     try:

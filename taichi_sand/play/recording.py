@@ -26,7 +26,7 @@ from taichi_sand.play.window.screen import Screen
 from taichi_sand.scene.schema import Scene
 from taichi_sand.world.checkpoint import believing
 
-FORMAT, TITLE = 1, "taichi_sand recording"
+FORMAT, TITLE = 2, "taichi_sand recording"
 EVERY = 1.0
 """Wall time between two hashes [s]."""
 MOST_STEPS, LONGEST = 1_000_000, 86400.0

@@ -58,12 +58,9 @@ def _add(stroke: Stroke, darts: int, reach: float, velocity: Any) -> None:
     turned, spin = rng.uniform(-math.pi, math.pi, darts), rng.uniform(-1, 1, darts) * brush.spin
     fits = np.flatnonzero(_clear(sim, position, radius, stroke.place, reach))[:room]
     if len(fits):
-        kind = np.full(len(fits), brush.kind)
-        mass, inertia = brush.masses(sim, radius[fits], kind)
-        new = {"position": position[fits], "velocity": np.tile(velocity, (len(fits), 1)), "angle": turned[fits], "spin": spin[fits]}
-        edit.add(sim.world, {**new, "radius": radius[fits], "mass": mass, "inertia": inertia, "kind": kind}, sim.made)
-        sim.made += len(fits)
-        sim.renew()
+        reach = sim.scene.form_of(sim.scene.grains[brush.kind]).reach if sim.scene.grains else 1.0
+        given = {"velocities": velocity, "angles": turned[fits], "spins": spin[fits], "kind": brush.kind}
+        sim.add(position[fits], radius=radius[fits] / reach, **given)
 
 
 def _clear(sim: Simulation, position: np.ndarray, radius: np.ndarray, centre: np.ndarray, reach: float) -> np.ndarray:
@@ -81,11 +78,8 @@ def _clear(sim: Simulation, position: np.ndarray, radius: np.ndarray, centre: np
 
 def destroy(stroke: Stroke) -> None:
     """Takes out what is under the brush."""
-    slots, _, _ = stroke.under()
-    if len(slots):
-        edit.remove(stroke.sim.world, slots)
-        stroke.sim.removed += len(slots)
-        stroke.sim.renew()
+    slots, _, whole = stroke.under()
+    stroke.sim.remove(whole[slots, 0])
 
 
 def grab(stroke: Stroke) -> None:

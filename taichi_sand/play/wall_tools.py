@@ -33,23 +33,21 @@ def build(stroke: Stroke) -> None:
         raise SandError(f"a wall must be longer than {SHORTEST:g} grain: keep the button down and draw it")
     points = straightened(path, FLAT * diameter)
     sim.set_walls([*sim.scene.walls, {"points": points.tolist()}])
-    slots = cut_through(stroke, points)
-    if len(slots):
-        edit.remove(sim.world, slots)
-        sim.removed += len(slots)
-        sim.renew()
-        stroke.session.message = f"{len(slots)} {'grain' if len(slots) == 1 else 'grains'} stood in the way of the wall: taken out"
+    gone = cut_through(stroke, points)
+    sim.remove(gone)
+    if len(gone):
+        stroke.session.message = f"{len(gone)} {'grain' if len(gone) == 1 else 'grains'} stood in the way of the wall: taken out"
 
 
 def cut_through(stroke: Stroke, points: np.ndarray) -> np.ndarray:
-    """Slots of the free grains that a wall through `points` [m] would cut: deeper than what the tolerance lets overlap."""
+    """Ids of the free grains that a wall through `points` [m] would cut: deeper than what the tolerance lets overlap."""
     sim = stroke.sim
     places, whole = edit.places(sim.world)
     walls = images(segments([points]), sim.scene.size, sim.scene.periodic)
     grain, wall = near_walls(places[:, :2], walls, float(places[:, 2].max(initial=0.0)))
     distance, _ = off_walls(places[grain, :2], walls[wall])
     deep = places[grain, 2] - distance > sim.scene.solver.tolerance * sim.bed.diameter
-    return np.unique(grain[deep & (whole[grain, 2] == 0)])
+    return whole[np.unique(grain[deep & (whole[grain, 2] == 0)]), 0]
 
 
 def erase(stroke: Stroke) -> None:

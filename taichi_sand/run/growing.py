@@ -1,26 +1,30 @@
 """Tables that grow: what a list build finds too small is made larger, in the same step, before anything has moved (world.search.growth)."""
 
+import re
 from typing import Any
 
 import numpy as np
 
 from taichi_sand.run import stepping
 from taichi_sand.run.clock import Clock
+from taichi_sand.scene.schema import Scene
 from taichi_sand.taichi_support import field_pool, runtime
 from taichi_sand.world.checkpoint import read_field
-from taichi_sand.world.search.growth import Rooms, Sizes, sizes_of
+from taichi_sand.world.search.growth import NO_ROOMS, Rooms, Sizes, sizes_of
 from taichi_sand.world.search.neighbour_list import list_again
 from taichi_sand.world.sleep.wake import clear_stale_rows_now
-from taichi_sand.world.tables import World
+from taichi_sand.world.tables import World, round_up
 
 STARTS = ("row_start", "wall_row_start")
 """Columns that hold rows of the neighbour list."""
+BY_SLOT = (*STARTS, "row_count", "wall_row_count")
+"""Columns with a row a slot, in halves."""
 
 
 def rooms_of(world: World) -> Rooms:
     """How much room the tables of a world have."""
     entries = world.movers.next.shape[0] if world.moves else 0
-    return Rooms(world.rows, world.wall_rows, world.boulders, world.boulder_walls, entries)
+    return Rooms(world.rows, world.wall_rows, world.boulders, world.boulder_walls, entries, world.capacity)
 
 
 def in_larger(name: str, values: np.ndarray, shape: tuple[int, ...], before: Sizes, after: Sizes) -> np.ndarray:
@@ -28,11 +32,15 @@ def in_larger(name: str, values: np.ndarray, shape: tuple[int, ...], before: Siz
     as they are if they are not of such a simulation.
     """
     if name.endswith(STARTS):
-        return before.moved(values, after).astype(values.dtype)
+        values = before.moved(values, after).astype(values.dtype)
     if values.shape == shape or values.ndim != len(shape) or values.shape[1:] != shape[1:]:
         return values
     larger, rows = np.zeros(shape, values.dtype), np.arange(len(values))
-    if name.startswith(".0.pairs"):
+    if name.startswith(".0.carried"):  # the last slot holds what a grain starts with
+        larger[:] = values[-1]
+    if name.endswith(BY_SLOT) and len(values) == 2 * before.capacity:
+        rows = before.moved_slots(rows, after)
+    elif name.startswith(".0.pairs"):
         rows = before.moved(rows, after) if len(values) % before.half == 0 else before.moved_walls(rows, after)
     if len(rows) and rows.max() >= shape[0]:
         return values
@@ -57,6 +65,7 @@ class Growing:
     numbers: dict[str, float]
     bed: Any
     clock: Clock
+    scene: Scene
     returning: Any
     _lay: Any
     _fields: Any
@@ -77,25 +86,50 @@ class Growing:
             clear_stale_rows_now(self.world)
             stepping.renew(self.world, self.solver)
 
+    def _have_room(self, count: int) -> None:
+        """Slots for `count` grains more than there are."""
+        need = int(self.world.count[None]) + count + 1
+        if need > self.world.capacity:
+            with self.clock.stage("compile"):
+                self.take_room(NO_ROOMS._replace(grains=round_up(need)))
+                stepping.warm(self.world, self.solver)
+
     def take_room(self, rooms: Rooms) -> None:
         """Goes on with tables of at least so much room, and all there is in them; where there is as much already, with those there are."""
         rooms = rooms_of(self.world).joined(rooms)
-        if rooms == rooms_of(self.world):
-            return
+        if rooms != rooms_of(self.world):
+            self._lay_again(rooms)
+
+    def _become(self, scene: Scene) -> None:
+        """Goes on as `scene`, which has effects more: with tables and kernels of another structure, and all there is in them."""
+        with self.clock.stage("compile"):
+            self.scene = scene
+            self._lay_again(rooms_of(self.world))
+            stepping.warm(self.world, self.solver)
+
+    def _lay_again(self, rooms: Rooms) -> None:
+        """Makes world, solver and effects anew, with this room at least; what is in tables that there were goes into those there are."""
         kept = {name: self.__dict__[name] for name in ("bed", "numbers")}
-        before, sizes = once(self._fields()), self.sizes_with(rooms_of(self.world))
+        before, sizes = self._named_fields(), self.sizes_with(rooms_of(self.world))
         self.rooms = rooms
         give_back = self.returning
         self.returning = field_pool.borrow(self, lambda: self._lay(self.planned, self.hand is not None), keep=not runtime.on_gpu())
         self.__dict__.update(kept)
-        for name, field in once(self._fields()).items():
-            write_field(field, read_field(before[name]), name, sizes, self.sizes_with(self.rooms))
+        for name, field in self._named_fields().items():
+            if name in before:
+                write_field(field, read_field(before[name]), name, sizes, self.sizes_with(self.rooms))
         give_back()
+
+    def _named_fields(self) -> dict[str, Any]:
+        """Its fields, each under one name, in which effects go by their kind: others may come between."""
+        kinds = [type(effect).__name__ for effect in self.solver.effects]
+        fields = once(self._fields()).items()
+        return {re.sub(r"(?<=effects\.)\d+", lambda found: kinds[int(found[0])], name): field for name, field in fields}
 
     def sizes_with(self, rooms: Rooms) -> Sizes:
         """Sizes of its neighbour lists if they had this room."""
         blocks = self.world.blocks.pair_start.shape[0]
-        return sizes_of(rooms, self.world.capacity, blocks - int(self.world.sleeps or self.world.boulders > 0))
+        return sizes_of(rooms, rooms.grains, blocks - int(self.world.sleeps or self.world.boulders > 0))
 
 
 def write_field(field: Any, parts: dict[str, np.ndarray], name: str, before: Sizes, after: Sizes) -> None:

@@ -4,7 +4,10 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from taichi_sand.scene.schema import Scene
+from taichi_sand.scene.shapes import BUILT_IN, form
 from taichi_sand.solvers import choose
 from taichi_sand.solvers.bed import DENSE, EARTH, REST, Bed, depth_of
 from taichi_sand.solvers.tolerance import follows_tolerance
@@ -28,6 +31,7 @@ class Looking:
     step: float
     epoch: tuple[int, float]
     count: int
+    renew: Any
     _adopt: Any
 
     def _look_every(self) -> int:
@@ -74,6 +78,39 @@ class Looking:
             if depth > GROWTH * bed.depth or load > GROWTH * bed.load:
                 return replace(bed, depth=max(depth, bed.depth), load=max(load, bed.load))
         return bed
+
+    def _bed_with(self, grains: dict[str, np.ndarray]) -> Bed:
+        """The bed with grains that are put somewhere by hand, of position, velocity (n, 2), radius, kind and if they are new mass (n,).
+
+        Raises:
+            SandError: the scene's own step or stiffness cannot do with them.
+        """
+        bed, gravity = self.bed, np.array(self.scene.gravity)
+        speed = float(np.hypot(*grains["velocity"].T).max())
+        down = gravity / max(float(np.hypot(*gravity)), 1e-12)
+        drop = float((np.maximum(down * np.array(self.scene.size), 0.0).sum() - grains["position"] @ down).max())
+        changed: dict[str, Any] = {"speed": max(bed.speed, speed), "fast": max(bed.fast, speed), "drop": max(bed.drop, drop)}
+        if "mass" in grains:
+            forms = [self.scene.form_of(table) for table in (*self.scene.grains, *self.scene.sources)] or [form("disc", BUILT_IN["disc"])]
+            lightness, size = (np.array([getattr(one, name) for one in forms])[grains["kind"]] for name in ("lightness", "size"))
+            changed |= {
+                "least_mass": min(bed.least_mass, float((grains["mass"] / lightness).min())),
+                "solid": max(bed.solid, float((grains["mass"] / (2 * size * grains["radius"]) ** 2).max())),
+                "clumps": bed.clumps or bool(lightness.max() > 1.0),
+            }
+        bed = replace(bed, **changed)
+        choose(self.scene.solver.kind).numbers(self.scene, bed)
+        return bed
+
+    def _go_on_with(self, bed: Bed) -> None:
+        """Stiffness and step are those for this bed, as deep as it is now; and the neighbour list is built anew."""
+        if bed.gravity:
+            bed = self._deeper(bed)
+        if choose(self.scene.solver.kind).numbers(self.scene, bed) != self.numbers:
+            self._adopt(self.scene, bed, self.over)
+        else:
+            self.bed = bed
+        self.renew()
 
     def _sleepy(self) -> bool:
         """Whether this look can be left out: with few awake a pile grows more slowly, with nobody not at all."""

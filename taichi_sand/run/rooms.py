@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 
 from taichi_sand.scene.packing import most_grains
-from taichi_sand.scene.schema import Scene
+from taichi_sand.scene.schema import MOST_GRAINS, Scene
 from taichi_sand.world.search.growth import Rooms
 from taichi_sand.world.search.large_grains import MOST_BOULDERS
 from taichi_sand.world.sources import room_for
@@ -15,6 +15,7 @@ ROWS, NUMBERS = 66, 64
 FIXED = 8 * 2**20
 """Numbers that the smallest scene may have: what there is room for besides grains, such as walls and lattice sites."""
 GRAINS = ".0.grains.id"
+MOST_SLOTS = round_up(MOST_GRAINS + 1)
 MOST_WALLS, MOST_ENTRIES = 4096, 2**22
 """A disc never meets more parts of walls at a time; and so many entries of walls that move are enough for a hundred thousand grains."""
 
@@ -31,7 +32,7 @@ def by_hand(scene: Scene) -> int:
 def crowded(rooms: Rooms, discs: int, most: float) -> bool:
     """Whether tables have grown beyond what so many grains, of so many discs at most, can need: all of them in one place."""
     pairs = 2 * discs * (PAIRS_PER_GRAIN + discs * most)
-    highest = (pairs, MOST_WALLS * discs, max(1, MOST_BOULDERS) * 16 * pairs, MOST_BOULDERS * MOST_WALLS * discs, MOST_ENTRIES)
+    highest = (pairs, MOST_WALLS * discs, max(1, MOST_BOULDERS) * 16 * pairs, MOST_BOULDERS * MOST_WALLS * discs, MOST_ENTRIES, MOST_SLOTS)
     return any(
         not isinstance(rows, int) or isinstance(rows, bool) or not 0 <= rows <= top for rows, top in zip(rooms, highest, strict=True)
     )
@@ -43,8 +44,8 @@ def misfit(scene: Scene, room: object, grown: Rooms, shapes: Mapping[str, tuple[
     rows = shapes[GRAINS][0]
     if not isinstance(room, int) or isinstance(room, bool) or not 0 <= room <= rows:
         return f"room for {room} grains more is announced, in a table of {rows}"
-    if rows > round_up(most + room + room_for(scene) + 1) or room_for(scene) > rows:
-        return f"{rows} grains are announced, for a scene that has {most}"
+    if rows != grown.grains or room_for(scene) > rows:
+        return f"{rows} grains are announced, in tables that have room for {grown.grains}"
     radii = [radius for table in (*scene.grains, *scene.sources) for radius in table.radius or ()]
     radii += [row[2] for table in scene.grains for row in table.positions or () if len(row) > 2]
     around = 16 * (max(radii, default=1.0) / min(radii, default=1.0) + 8) + MOST_BOULDERS

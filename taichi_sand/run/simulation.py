@@ -12,6 +12,7 @@ import numpy as np
 from taichi_sand import effects as effect_modules
 from taichi_sand.errors import SandError, show
 from taichi_sand.run import live, stepping
+from taichi_sand.run.calling import Calling, Calls
 from taichi_sand.run.clock import Clock
 from taichi_sand.run.entry import changes, running
 from taichi_sand.run.growing import Growing
@@ -20,6 +21,7 @@ from taichi_sand.run.looking import Looking
 from taichi_sand.run.readings import Readings
 from taichi_sand.run.recording import Recorded, Recorder
 from taichi_sand.run.saving import Keeping
+from taichi_sand.run.steering import Steering
 from taichi_sand.run.tuning import Tuning
 from taichi_sand.scene import loading
 from taichi_sand.scene.packing import pack
@@ -45,7 +47,7 @@ MOST_STEPS = 2**31 - 1
 """That a simulation counts."""
 
 
-class Simulation(Instrument, Growing, Tuning, Looking, Keeping, Recorded, Readings):
+class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Keeping, Recorded, Readings):
     """A scene in motion.
 
     Args:
@@ -62,7 +64,7 @@ class Simulation(Instrument, Growing, Tuning, Looking, Keeping, Recorded, Readin
     def __init__(
         self, scene: Scene | str | PathLike[str], *, arch: str = "cpu", threads: int | None = None, room: int = 0, hand: bool = False
     ) -> None:
-        self.clock = Clock()
+        self.clock, self.calls = Clock(), Calls()
         scene = loading.scene_of(scene)
         self.cadence = stepping.Cadence()
         self.runner: int | None = None  # thread that is advancing it
@@ -178,7 +180,8 @@ class Simulation(Instrument, Growing, Tuning, Looking, Keeping, Recorded, Readin
             left = round(rest / self.step)
             if left <= 0:
                 break
-            self.advance_steps(min(left, self._steps_to_look(), max(1, round(1 / (30 * self.step))) if progress else left))
+            stride = max(1, round(1 / (30 * self.step))) if progress else left
+            self.advance_steps(min(left, self._steps_to_look(), self._steps_to_call(), stride))
             if progress:
                 done = self.time - start
                 progress(1.0 if due - done < 0.5 * self.step else done / due)
@@ -191,6 +194,7 @@ class Simulation(Instrument, Growing, Tuning, Looking, Keeping, Recorded, Readin
         to the same bits.
         """
         count = steps_of(count)
+        self._check_not_calling()
         with running(self):
             end = self.steps + count
             if self.hand and self.world.sleeps:
@@ -202,13 +206,14 @@ class Simulation(Instrument, Growing, Tuning, Looking, Keeping, Recorded, Readin
             while self.steps < end:
                 with turn:
                     self._advance_to(end)
+                self._call_due()
 
     def _advance_to(self, end: int) -> None:
         """A launch of steps, up to step `end`, and the pauses that are due then."""
         pauses = self._pauses()
         fit = self.cadence.steps(stepping.awake(self.world))
         due = min(every - self.steps % every for _, every in (*pauses, (None, MOST_STEPS)))
-        part = min(end - self.steps, fit, self._steps_to_look(), self._steps_to_record(), due)
+        part = min(end - self.steps, fit, self._steps_to_look(), self._steps_to_record(), self._steps_to_call(), due)
         before, start = self.steps, time.perf_counter()
         with self.clock.stage("march"):
             self._march(part)

@@ -51,6 +51,7 @@ class Bed:
     pull: float = 0.0  # of effects that hold grains together, in weights of a mean grain
     push: float = 0.0  # of effects that press grains against others, as weight does [N]
     thrust: float = 0.0  # of walls with force on a column of grains [N]
+    steady: float = 0.0  # largest force of an effect on a single grain [N]
     ram: float = 0.0  # energy of walls with force and mass for each grain that they may run into [J]
     strain: float = 1.0  # by how much more contacts have been found to bear than all that explains
     late: int = 0  # looks in turn that have found so
@@ -96,7 +97,8 @@ class Bed:
     @property
     def limit(self) -> float:
         """Contacts and steps follow grains up to this speed [m/s]."""
-        given = max(self.speed, self.wind) ** 2 + 2 * max(self.pressing, EARTH) * self.height
+        pull = max(self.pressing, EARTH) + self.steady / self.least_mass
+        given = max(self.speed, self.wind) ** 2 + 2 * pull * self.height
         return MOST_SPEED * math.sqrt(given)
 
     @property
@@ -112,7 +114,7 @@ class Bed:
     @property
     def squeeze(self) -> float:
         """Force that presses grains together besides the load, over the mass of a mean grain [m/s2]."""
-        return PULLED * self.pull * (self.gravity or EARTH) + self.thrust / self.mass
+        return PULLED * self.pull * (self.gravity or EARTH) + (self.thrust + self.steady) / self.mass
 
 
 def lasting(flows: tuple[float, ...]) -> float:

@@ -154,14 +154,14 @@ def make_world(
     """World of `scene` with room for the grains of `pack` and `room` more, and for `wall_room` entries of walls.
 
     `extra` columns of the neighbour list follow a pair; `carried` names the columns that follow a grain, and what a grain starts with;
-    effects act on grains up to `reach` [d] apart, and tie the grains `links` (n, 2) together. Tables of pairs are no smaller than `rooms`.
+    effects act on grains up to `reach` [d] apart, and tie the grains `links` (n, 2) together. Tables are no smaller than `rooms`.
     """
     layout, moves, driven = layout_of(gpu, len(pack)), bool(moving_walls(scene)), any(wall.force for wall in scene.walls)
-    real, capacity = ti.f64 if scene.solver.precision == 64 else ti.f32, round_up(len(pack) + room + 1)
-    lengths, boulders = lengths_of(scene, pack, reach, sleeps)
+    real, first = ti.f64 if scene.solver.precision == 64 else ti.f32, round_up(len(pack) + room + 1)
+    (lengths, boulders), capacity = lengths_of(scene, pack, reach, sleeps), max(first, rooms.grains)  # sites and cells do not grow
     diameter, sight = lengths["diameter"], lengths["largest"] / 2 + MOST_REACH * lengths["diameter"] + lengths["bridge"]
-    spacing, sites = lay_lattice(scene.size, diameter, capacity)
-    least_cell, most_cells = plan_cells(scene.size, lengths["listed"] + lengths["bridge"], capacity)
+    spacing, sites = lay_lattice(scene.size, diameter, first)
+    least_cell, most_cells = plan_cells(scene.size, lengths["listed"] + lengths["bridge"], first)
     cells, lanes = round_up(most_cells + 1, 64 if layout == "cells" else LEAST_ROOM), LANES[layout, scene.solver.kind]
     blocks = {"one": 1, "strips": STRIPS, "cells": cells}[layout]
     parts = wall_parts(scene, lengths["least"])

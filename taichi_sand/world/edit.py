@@ -42,6 +42,40 @@ def put(w: ti.template(), numbers: ti.types.ndarray(), whole: ti.types.ndarray()
 
 
 @ti.kernel
+def rewrite(w: ti.template(), slots: ti.types.ndarray(), numbers: ti.types.ndarray(), sites: ti.types.ndarray(), given: ti.i32):
+    """Writes those of the numbers offset x, y, velocity x, y, angle, spin whose bits are set in `given`: 1, 2, 4, 8."""
+    g = ti.static(w.grains)
+    ti.loop_config(serialize=True)
+    for k in range(slots.shape[0]):
+        i = slots[k]
+        twist = g.twist[i]
+        if given & 1:
+            g.site[i], g.shift[i] = ti.Vector([sites[k, 0], sites[k, 1]]), ti.Vector([0.0, 0.0])
+            g.offset[i] = ti.Vector([numbers[k, 0], numbers[k, 1]])
+        if given & 2:
+            twist.x, twist.y = numbers[k, 2], numbers[k, 3]
+        if given & 4:
+            g.angle[i], g.turn[i] = numbers[k, 4], 0.0
+        if given & 8:
+            twist.z = numbers[k, 5]
+        g.twist[i], g.start_velocity[i] = twist, twist.xy
+
+
+@ti.kernel
+def forget_pairs(w: ti.template(), gone: ti.types.ndarray()):
+    """The next list build recalls no pair of a grain for whose slot `gone` is 1: it meets others anew."""
+    ti.loop_config(serialize=True)
+    for _run in range(1):
+        for b in range(block_count(w)):
+            for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
+                if gone[w.pairs.first[p]] == 1 or gone[w.pairs.second[p]] == 1:
+                    w.pairs.second[p] = w.capacity - 1
+            for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
+                if gone[w.pairs.first[p]] == 1:
+                    w.pairs.second[p] = -1
+
+
+@ti.kernel
 def drop(w: ti.template(), slots: ti.types.ndarray()):
     """The next list build takes these out."""
     ti.loop_config(serialize=True)
@@ -219,6 +253,27 @@ def add(world: World, grains: dict[str, np.ndarray], first_id: int) -> None:
     world.count[None] += count
     if world.sleeps:
         world.sleep.state[None].awake += count
+    world.pace[None].spent = 1
+
+
+def change(world: World, slots: np.ndarray, values: dict[str, np.ndarray]) -> None:
+    """Gives the grains in these slots (n,), all awake, another `position` (n, 2), `velocity` (n, 2), `angle` (n,) or `spin` (n,); SI. One
+    in another place forgets its contacts.
+    """
+    count, names = len(slots), ("position", "velocity", "angle", "spin")
+    spacing = np.array(world.box[None].spacing.to_list())
+    numbers, site = np.zeros((count, 6)), np.zeros((count, 2), np.int32)
+    if "position" in values:
+        site = np.floor(values["position"] / spacing).astype(np.int32)
+        numbers[:, :2] = values["position"] - (site + 0.5) * spacing
+        gone = np.zeros(world.capacity, np.int32)
+        gone[slots] = 1
+        forget_pairs(world, gone)
+    for name, columns in (("velocity", slice(2, 4)), ("angle", 4), ("spin", 5)):
+        if name in values:
+            numbers[:, columns] = values[name]
+    given = sum(1 << k for k, name in enumerate(names) if name in values)
+    rewrite(world, np.ascontiguousarray(slots, np.int32), numbers.astype(real_of(world)), site, given)
     world.pace[None].spent = 1
 
 

@@ -1,1 +1,1 @@
-"""What only some scenes need: columns of effects, links, the hand, the ledger of energy, wetness."""
+"""What only some scenes need: columns of effects, links, the hand, the ledger of energy, wetness, steady forces."""

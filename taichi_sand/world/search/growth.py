@@ -1,4 +1,4 @@
-"""Room in the tables of pairs: as much as what a list build finds is likely to need, and more when it finds more.
+"""Room in the tables: as much as what a list build finds is likely to need, and more when it finds more; and slots for grains.
 
 A list build that runs out of rows goes on counting, and writes nothing beyond the end. The march then stops before anything has moved; the
 simulation takes larger tables, to which all that there is is copied, and only the listing is made again (growing.Growing). So a contact
@@ -26,10 +26,12 @@ class Rooms(NamedTuple):
     boulders: int = 0  # for pairs of boulders, in all
     boulder_walls: int = 0  # for their pairs with walls, in all
     entries: int = 0  # of walls that move, in all
+    grains: int = 0  # slots for grains, the last of which stays empty
 
     def larger(self, lacks: np.ndarray) -> "Rooms":
         """Room for what was found: `lacks` (KINDS,) says how many times as much it was."""
-        return Rooms(*(room if lack <= 1 else room * round_up(int(np.ceil(lack)), 2) for room, lack in zip(self, lacks, strict=True)))
+        found = (room if lack <= 1 else room * round_up(int(np.ceil(lack)), 2) for room, lack in zip(self[:KINDS], lacks, strict=True))
+        return Rooms(*found, self.grains)
 
     def joined(self, other: "Rooms") -> "Rooms":
         """The larger of both, kind by kind."""
@@ -46,6 +48,7 @@ class Sizes(NamedTuple):
     wall_half: int  # rows of one half of the wall-only columns
     boulders: int
     boulder_walls: int
+    capacity: int  # slots for grains
 
     @property
     def half(self) -> int:
@@ -66,12 +69,17 @@ class Sizes(NamedTuple):
         last = self.wall_half - self.boulder_walls
         return part * to.wall_half + np.where(row >= last, row - last + to.wall_half - to.boulder_walls, row)
 
+    def moved_slots(self, rows: np.ndarray, to: "Sizes") -> np.ndarray:
+        """Rows of the columns that say where the pairs of a slot begin, in two halves, where they are in tables of size `to`."""
+        part, slot = np.divmod(rows, self.capacity)
+        return part * to.capacity + slot
+
 
 def sizes_of(rooms: Rooms, capacity: int, blocks: int) -> Sizes:
     """Sizes of a neighbour list for so many grains, and blocks of the sweep."""
     shares = capacity + SPARE * min(blocks, STRIPS)
     base, walls = rooms.rows * shares + rooms.boulders, rooms.walls * shares + rooms.boulder_walls
-    return Sizes(base, walls, rooms.boulders, rooms.boulder_walls)
+    return Sizes(base, walls, rooms.boulders, rooms.boulder_walls, capacity)
 
 
 def foreseen(

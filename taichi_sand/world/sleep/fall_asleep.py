@@ -5,6 +5,7 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.world.extras.grain_columns import move_along
+from taichi_sand.world.extras.steady_force import steady_force
 from taichi_sand.world.geometry import add, perp, position, wall_row
 from taichi_sand.world.search.cell_list import permute
 from taichi_sand.world.search.neighbour_list import build_neighbour_list_now
@@ -238,7 +239,7 @@ def lay_to_rest(w: ti.template()):
         if ti.static(w.layout != "cells"):
             sleep.balance[j], sleep.load[j] = ti.Vector([0.0, 0.0]), 0.0
         if sleep.mobility[j].x > 0.0:
-            add(sleep.balance, j, w.box[None].gravity / sleep.mobility[j].x)
+            add(sleep.balance, j, w.box[None].gravity / sleep.mobility[j].x + steady_force(w, j).xy)
     if ti.static(w.layout != "cells"):
         b = sleeper_block(w)
         ti.loop_config(serialize=True)
