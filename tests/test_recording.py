@@ -62,7 +62,7 @@ def test_damaged(recorded: bytes, how: str, tmp_path: Path) -> None:
     path = tmp_path / "it.record"
     damaged = {
         "half a head": head[: len(head) // 2] + b"\n",
-        "another version": b"\n".join([head.replace(b": 1", b": 2", 1).replace(b":1", b":2", 1), *rest]),
+        "another version": b"\n".join([head.replace(b": 2", b": 3", 1).replace(b":2", b":3", 1), *rest]),
         "unknown action": b"\n".join([head, *rest]).replace(b'"set"', b'"sit"'),
         "no action": b"\n".join([head, b"[[[[]]], 1, 2.0]", *rest]),
         "no frame": b"\n".join([head, b"[1, 2]", *rest]),
@@ -74,4 +74,4 @@ def test_damaged(recorded: bytes, how: str, tmp_path: Path) -> None:
     with pytest.raises(sand.SandError, match=r"it\.record") as caught:
         recording.read(path)
     assert "\n" not in str(caught.value)
-    assert ("format 2" in str(caught.value)) == (how == "another version")
+    assert ("format 3" in str(caught.value)) == (how == "another version")
