@@ -271,3 +271,21 @@ def test_room_grows_and_effects_come_to_the_same_bits() -> None:
     few = steer(0)
     fresh_taichi()
     assert steer(100) == few
+
+
+def test_a_recorder_that_is_running_sees_it_all(sim: sand.Simulation, tmp_path: Path) -> None:
+    """Frames have the grains of their moments, and the ids that they have."""
+    hoomd = pytest.importorskip("gsd.hoomd", reason="the extra `data` is not installed")
+    recorder = sim.record(tmp_path / "run.gsd", every=0.02)
+    start = sim.count
+    first = sim.add([[8 * R, 12 * R], [8 * R, 16 * R]], radius=[R, 0.9 * R])
+    sim.advance(0.03)
+    sim.remove([0, first[0]])
+    sim.set_state(first[1], positions=[[8 * R, 20 * R]])
+    sim.advance(0.03)
+    recorder.stop()
+    with hoomd.open(str(tmp_path / "run.gsd"), "r") as frames:
+        counts = [frame.particles.N for frame in frames]
+        ids = [frame.log["particles/id"].ravel().tolist() for frame in frames]
+    assert counts[0] == start and start + 2 in counts and counts[-1] == start
+    assert ids[-1] == sim.ids.tolist() == [*range(1, 8), 9]
