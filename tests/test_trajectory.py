@@ -39,6 +39,7 @@ FLOW = {
         {"shape": "triangle", "radius": 0.006, "rate": 30, "region": (0.1, 0.2, 0.18, 0.3), "velocity": (0.0, -1.0)},
     ],
     "sinks": [{"region": (0.0, 0.0, 0.2, 0.05)}],
+    "walls": [{"points": [(0.02, 0.16), (0.1, 0.11), (0.18, 0.16)]}],
     "effects": {"friction": {}},
 }
 Frames = list[Any]
@@ -83,9 +84,32 @@ def test_frames_are_the_states_of_an_undisturbed_run(discs: tuple[Any, Frames, P
         assert np.minimum(across[:, 0], 0.25 - across[:, 0]).max() < 2e-8 and across[:, 1].max() < 2e-8
         assert np.array_equal(frame.particles.velocity[:, :2], alone.velocities.astype(np.float32))
         assert np.array_equal(frame.log["particles/spin"], alone.spins.astype(np.float32))
+        check_bonds(frame, alone)
         turned = 2 * np.arctan2(frame.particles.orientation[:, 3], frame.particles.orientation[:, 0])
         assert np.abs(np.exp(1j * turned) - np.exp(1j * alone.angles)).max() < 1e-6
-    assert digest(alone) == digest(sim)
+    assert digest(alone) == digest(sim) and max(frame.bonds.N for frame in frames) > 3
+
+
+def check_bonds(frame: Any, sim: Any) -> None:
+    """Bonds are the contacts of grains, between the discs that touch; forces on particles are theirs and those of walls."""
+    found, p = sim.contacts(), frame.particles
+    inner, ids = found[found["id2"] >= 0], frame.log["particles/id"]
+    assert frame.bonds.types == ["contact", "bridge"] and frame.bonds.N == len(inner) and not frame.bonds.typeid.any()
+    one, two = frame.bonds.group.T
+    assert np.array_equal(ids[one], inner["id1"]) and np.array_equal(ids[two], inner["id2"])
+    for name in ("force_n", "force_t", "overlap"):
+        assert np.array_equal(frame.log[f"bonds/{name}"], inner[name].astype(np.float32))
+    way = (p.position[two] - p.position[one])[:, :2]
+    way -= np.array(sim.scene.size) * sim.scene.periodic * np.round(way / np.array(sim.scene.size))
+    touching = (p.diameter[one] + p.diameter[two]) / 2 - inner["overlap"]
+    assert np.linalg.norm(way, axis=1) == pytest.approx(touching, abs=1e-6)
+    push = found["force_n"][:, None] * found["normal"] + found["force_t"][:, None] * found["normal"][:, ::-1] * [-1, 1]
+    net = np.zeros((sim.made, 2))
+    np.add.at(net, found["id1"], -push)
+    np.add.at(net, inner["id2"], push[found["id2"] >= 0])
+    forces = np.zeros((sim.made, 2))
+    np.add.at(forces, ids, frame.log["particles/force"][:, :2].astype(float))
+    assert np.abs(forces - net).max(initial=0) <= 1e-5 * np.abs(push).max(initial=0)
 
 
 def test_a_frame_says_what_the_grains_are(discs: tuple[Any, Frames, Path]) -> None:
@@ -132,6 +156,7 @@ def same(one: Frames, other: Frames) -> None:
         assert all(np.array_equal(a.log[name], b.log[name]) for name in a.log)
         for name, values in vars(a.particles).items():
             assert np.array_equal(values, getattr(b.particles, name)), name
+        assert a.bonds.N == b.bonds.N and np.array_equal(a.bonds.group, b.bonds.group)
 
 
 @pytest.fixture(scope="module")
@@ -171,10 +196,12 @@ def test_grains_come_and_go(flow: tuple[Any, Frames, Path]) -> None:
         ids, first = np.unique(frame.log["particles/id"], return_index=True)
         numbers.append(frame.particles.N)
         assert np.array_equal(ids, alone.ids)
+        check_bonds(frame, alone)
         single = frame.particles.body[first] < 0
         assert np.array_equal(frame.particles.diameter[first][single], (2 * alone.radii[single]).astype(np.float32))
         assert np.abs(place(frame)[first][single] - alone.positions[single]).max(initial=0.0) < 2e-8
         assert np.abs(centres(frame) - alone.positions).max() < 2e-7
+    assert max(frame.bonds.N for frame in frames) > 3
     assert max(numbers) > numbers[0] and frames[-1].log["particles/id"][0] > 0
     with gsd.fl.open(str(path), "r") as file:
         names = {name for name in file.find_matching_chunk_names("particles/") if "types" not in name and "shapes" not in name}

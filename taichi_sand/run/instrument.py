@@ -1,17 +1,16 @@
 """What a simulation measures, as arrays: single contacts, forces on walls, fields."""
 
-from typing import Any
-
 import numpy as np
 
 from taichi_sand.run.clock import Clock
 from taichi_sand.run.entry import reads
+from taichi_sand.scene.schema import Scene
 
 
 class Instrument:
     """The measuring side of `Simulation`."""
 
-    scene: Any
+    scene: Scene
     clock: Clock
 
     @reads

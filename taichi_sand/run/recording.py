@@ -15,6 +15,7 @@ from taichi_sand.run.clock import Clock
 from taichi_sand.run.entry import changes
 from taichi_sand.scene.kinds import HUGE
 from taichi_sand.scene.record import LEAST
+from taichi_sand.scene.schema import Scene
 
 MOST = 2**31
 """Steps, more than a simulation counts."""
@@ -61,7 +62,7 @@ class Recorded:
     """The side of `Simulation` that writes trajectories."""
 
     recorders: list[Recorder]
-    scene: Any
+    scene: Scene
     steps: int
     step: float
     time: float

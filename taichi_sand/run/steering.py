@@ -12,7 +12,7 @@ from taichi_sand.run.arguments import array, shown, whole
 from taichi_sand.run.entry import changes
 from taichi_sand.run.overlaps import Discs, discs_of
 from taichi_sand.scene.checks import LARGEST, SMALLEST
-from taichi_sand.scene.schema import MOST_GRAINS
+from taichi_sand.scene.schema import MOST_GRAINS, Scene
 from taichi_sand.scene.shapes import BUILT_IN, Form, form, inertia, mass
 from taichi_sand.world import edit
 from taichi_sand.world.build import read_grains
@@ -28,7 +28,7 @@ MOST_SHOWN = 5
 class Steering:
     """The side of `Simulation` by which grains are put in, taken out and set."""
 
-    scene: Any
+    scene: Scene
     world: Any
     bed: Any
     made: int

@@ -12,8 +12,10 @@ TOUCH = 1e-6
 """Neighbours that are farther apart than a bond reaches by this share of their distance are neighbours still: rounding."""
 
 
-def taken_apart(part: Pack, form: Form, disc: Form, density: float) -> Pack:
-    """The grains of one table, all of this form, as the discs that they are made of, which move as the rigid grain would."""
+def taken_apart(part: Pack, form: Form, disc: Form, density: np.ndarray) -> Pack:
+    """The grains of one table, all of this form and each of its density (n,), as the discs that they are made of, which move as the rigid
+    grain would.
+    """
     count, parts = len(part), len(form.discs)
     if parts == 1:
         return replace(part, body=np.zeros(count, np.int32))
@@ -29,8 +31,8 @@ def taken_apart(part: Pack, form: Form, disc: Form, density: float) -> Pack:
         angle=part.angle[owner],
         spin=part.spin[owner],
         radius=rows[:, 2],
-        mass=mass(disc, rows[:, 2], density),
-        inertia=inertia(disc, rows[:, 2], density),
+        mass=mass(disc, rows[:, 2], density[owner]),
+        inertia=inertia(disc, rows[:, 2], density[owner]),
         kind=part.kind[owner],
         fixed=part.fixed[owner],
         body=owner.astype(np.int32),

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from taichi_sand.errors import Wrong, show, suggest
+from taichi_sand.scene.delimited import HEAD
 from taichi_sand.scene.moving import moves
 from taichi_sand.scene.rows import LENGTHS
 from taichi_sand.scene.shapes import BUILT_IN, joined, overlapping
@@ -15,6 +16,7 @@ OWNED = {
     "md": ("stiffness", "integrator", "law", "k_r", "k_d", "alpha", "beta"),
 }
 """Keys of [solver] that belong to one kind only."""
+LIGHTEST = 1e-6  # areal density [kg/m2]
 SMALLEST, LARGEST = 1e-6, 1e6  # radius of a disc, side of the box [m]: what 32 bits can hold the inertia and the places of
 
 
@@ -89,11 +91,15 @@ def _rows(table: Any) -> None:
     length = len(table.positions[0])
     for index, row in enumerate(table.positions):
         if len(row) != length or length not in LENGTHS:
-            wanted = length if length in LENGTHS else "2, 3, 5, 6 or 7"
-            text = f" has {len(row)} numbers instead of {wanted} (x, y[, radius[, vx, vy[, angle[, spin]]]])"
+            wanted = length if length in LENGTHS else "2, 3, 5, 6, 7 or 8"
+            text = f" has {len(row)} numbers instead of {wanted} ({HEAD})"
             raise Wrong(f"positions[{index}]", text)
         if length > 2 and row[2] < SMALLEST:
             raise Wrong(f"positions[{index}]", f" = {show(row)}: the radius must be at least {SMALLEST:g} m")
+        if length > 7 and row[7] < LIGHTEST:
+            raise Wrong(f"positions[{index}]", f" = {show(row)}: the density must be at least {LIGHTEST:g} kg/m2")
+    if length > 7 and "density" in table.model_fields_set:
+        raise Wrong("density", " is given twice: as a key and in the rows of `positions`")
     if length > 2 and table.radius is not None:
         raise Wrong("radius", " is given twice: as a key and in the rows of `positions`")
     if length == 2 and table.radius is None:
@@ -191,18 +197,20 @@ def _flow(table: Any, names: list[str]) -> None:
 
 
 def _box(table: Any) -> str:
-    return f"x 0 … {table.size[0]:g}, y 0 … {table.size[1]:g} m"
+    (x, y), (width, height) = table.origin, table.size
+    return f"x {x:g} … {x + width:g}, y {y:g} … {y + height:g} m"
 
 
 def _outside(table: Any, points: np.ndarray) -> np.ndarray:
     """Which points (n, 2) lie outside the box, by more than what rounding does."""
     slack = 1e-9 * max(table.size)
+    points = points - np.asarray(table.origin)
     return np.any((points < -slack) | (points > np.asarray(table.size) + slack), axis=1)
 
 
 def _beyond(table: Any, points: np.ndarray) -> bool:
     """Whether all points (n, 2) lie on one side of the box, in a direction that is not periodic."""
-    slack = 1e-9 * max(table.size)
+    slack, points = 1e-9 * max(table.size), points - np.asarray(table.origin)
     for axis, side in enumerate((table.edges.left, table.edges.bottom)):
         if side != "periodic" and ((points[:, axis] < -slack).all() or (points[:, axis] > table.size[axis] + slack).all()):
             return True

@@ -85,8 +85,9 @@ def _is_pattern(table: Grains) -> bool:
 
 
 def _pack_table(scene: Scene, table: Grains, index: int, rows: np.ndarray, rng: np.random.Generator) -> Pack:
-    """Rows x, y, radius, vx, vy, angle, spin (n, 7) and what the table says of all its grains."""
+    """Rows x, y, radius, vx, vy, angle, spin[, density] (n, 7 or 8) and what the table says of all its grains."""
     count, form = len(rows), scene.form(table.shape)
+    density = rows[:, 7] if rows.shape[1] > 7 else np.full(count, table.density)
     heading, turn = rng.uniform(-np.pi, np.pi, (2, count))
     speed = rng.uniform(*table.speed, count)
     grains = Pack(
@@ -95,13 +96,13 @@ def _pack_table(scene: Scene, table: Grains, index: int, rows: np.ndarray, rng: 
         angle=rows[:, 5] + (turn if table.angle == "random" else float(table.angle)),
         spin=rows[:, 6] + table.spin,
         radius=rows[:, 2].copy(),
-        mass=mass(form, rows[:, 2], table.density),
-        inertia=inertia(form, rows[:, 2], table.density),
+        mass=mass(form, rows[:, 2], density),
+        inertia=inertia(form, rows[:, 2], density),
         kind=np.full(count, index, np.int32),
         fixed=np.full(count, table.fixed),
         body=np.full(count, -1, np.int32),
     )
-    return taken_apart(grains, form, scene.form_of(table), table.density) if table.bonded else grains
+    return taken_apart(grains, form, scene.form_of(table), density) if table.bonded else grains
 
 
 def _at_rest(places: np.ndarray, radius: np.ndarray) -> np.ndarray:
@@ -121,10 +122,10 @@ def _box(scene: Scene, table: Grains) -> np.ndarray:
 
 
 def _given(scene: Scene, index: int, taken: Taken, rng: np.random.Generator) -> np.ndarray:
-    """Rows (n, 7) of a table with `positions`."""
+    """Rows (n, 7), or 8 with densities, of a table with `positions`."""
     table = scene.grains[index]
     given = np.array(table.positions)
-    rows = np.zeros((len(given), 7))
+    rows = np.zeros((len(given), max(7, given.shape[1])))
     rows[:, : given.shape[1]] = given
     if table.radius is not None:
         rows[:, 2] = rng.uniform(*table.radius, len(given))

@@ -15,6 +15,7 @@ from pydantic import BaseModel, PrivateAttr, ValidationError, model_validator
 from taichi_sand.errors import SandError
 from taichi_sand.scene import checks
 from taichi_sand.scene.kinds import Angle, Box, Edge, Number, Range, Switch, Table, Vector, Whole, key, sealed
+from taichi_sand.scene.origin import moved
 from taichi_sand.scene.record import Record
 from taichi_sand.scene.rows import read_rows
 from taichi_sand.scene.shapes import BUILT_IN, Form, form
@@ -85,9 +86,12 @@ class Grains(Table):
     jitter: Number = key(0.0, "lattice, hexagonal: moved by up to this much either way, in mean radii", "r", ge=0, le=100)
     region: Box | None = key(None, "[x0, y0, x1, y1] that the grains start in; the whole box if not given", "m")
     positions: tuple[tuple[Number, ...], ...] | None = key(
-        None, "a row a grain, instead of `region`: x, y[, radius[, vx, vy[, angle[, spin]]]]", "m, m/s, rad, rad/s"
+        None, "a row a grain, instead of `region`: x, y[, radius[, vx, vy[, angle[, spin[, density]]]]]", "m, m/s, rad, rad/s, kg/m2"
     )
-    positions_file: str | None = key(None, "CSV file beside the scene file with the same columns; read when the scene is made")
+    positions_file: str | None = key(
+        None, "file beside the scene file with such columns: CSV, yade's text, LAMMPS data, or a trajectory (GSD)"
+    )
+    frame: Whole | None = key(None, "of a trajectory that is the `positions_file`, from 0 on; the last if not given", ge=0)
     velocity: Vector = key((0.0, 0.0), "[vx, vy], added to that of the row if there is one", "m/s")
     speed: Range = key((0.0, 0.0), "added in a random direction, to every grain its own: a number, or [low, high]", "m/s")
     spin: Number = key(0.0, "counter-clockwise, added to that of the row if there is one", "rad/s")
@@ -103,13 +107,17 @@ class Grains(Table):
         name = data.get("positions_file") if isinstance(data, dict) else None
         if not isinstance(name, str | os.PathLike) or data.get("positions") is not None:
             return data
+        frame = data.get("frame")
+        if frame is not None and (not isinstance(frame, int) or frame < 0):
+            return data  # is told so
         if sealed.get():
             raise SandError("positions_file: a checkpoint or a recording holds its grains itself, and reads no file", "positions_file")
         try:
-            rows = read_rows(Path(name))
+            rows = read_rows(Path(name), frame, data.get("radius"))
         except SandError as error:
             raise SandError(f"positions_file: {error}", "positions_file") from None
-        return {**data, "positions": rows, "positions_file": None}
+        taken = {"radius": None} if rows.radius_taken else {}
+        return {**data, "positions": rows.rows, "positions_file": None, "frame": None, **taken}
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
@@ -196,6 +204,7 @@ class Scene(Table):
     title: str = key("", "name of the scene, shown above its pictures")
     about: str = key("", "one line that says what there is to see")
     size: Vector = key(..., "[width, height] of the box, which spans x 0…width, y 0…height", "m")
+    origin: Vector = key((0.0, 0.0), "lower left corner of the box in the coordinates of this scene; the simulation has it at 0, 0", "m")
     gravity: Vector = key((0.0, -9.81), "[gx, gy]", "m/s2")
     seed: Whole = key(0, "all randomness of the scene comes from it", ge=0, lt=2**63)
     duration: Number = key(5.0, "how long `run` and `render` simulate unless told otherwise", "s", ge=0)
@@ -217,6 +226,8 @@ class Scene(Table):
     def __init__(self, /, **data: Any) -> None:
         try:
             super().__init__(**data)
+            if any(self.origin):  # moved once; the scene made is an ordinary one
+                super().__init__(**moved(self.model_dump(exclude_unset=True), self.origin) | {"origin": (0.0, 0.0)})
             if self.scale != 1:  # grow once; the scene made is an ordinary one with scale = 1
                 super().__init__(**self._grown())
         except ValidationError as error:

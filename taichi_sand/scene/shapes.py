@@ -110,12 +110,12 @@ def bare_arcs(discs: np.ndarray, index: int) -> list[tuple[float, float]]:
     return arcs + ([(at, 2 * np.pi)] if at < 2 * np.pi else [])
 
 
-def mass(form: Form, reach: np.ndarray, density: float) -> np.ndarray:
+def mass(form: Form, reach: np.ndarray, density: float | np.ndarray) -> np.ndarray:
     """Mass [kg] of grains of a shape, from their reach [m] and areal density [kg/m2]."""
     return density * form.area * reach**2
 
 
-def inertia(form: Form, reach: np.ndarray, density: float) -> np.ndarray:
+def inertia(form: Form, reach: np.ndarray, density: float | np.ndarray) -> np.ndarray:
     """Moment of inertia [kg m2] about the centre of mass."""
     return mass(form, reach, density) * reach**2 * form.inertia
 
