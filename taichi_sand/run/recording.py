@@ -3,6 +3,7 @@
 import hashlib
 import json
 import weakref
+from collections.abc import Callable
 from contextlib import suppress
 from os import PathLike
 from typing import Any
@@ -11,44 +12,51 @@ from taichi_sand.errors import SandError, show
 from taichi_sand.files.trajectory import Trajectory, target
 from taichi_sand.measure.frame import Frames
 from taichi_sand.run import live
-from taichi_sand.run.clock import Clock
+from taichi_sand.run.calling import Call, Calls
 from taichi_sand.run.entry import changes
 from taichi_sand.scene.kinds import HUGE
 from taichi_sand.scene.record import LEAST
 from taichi_sand.scene.schema import Scene
-
-MOST = 2**31
-"""Steps, more than a simulation counts."""
 
 
 class Recorder:
     """Writes frames of a simulation at multiples of `every` [s] of its time, each at the nearest step; `stop` ends it."""
 
     def __init__(self, sim: Any, frames: Frames, trajectory: Trajectory, every: float) -> None:
-        self.frames, self.trajectory, self.every, self.next = frames, trajectory, every, round(sim.time / every)
+        self.frames, self.trajectory = frames, trajectory
         self.sim = weakref.ref(sim)
         self.ending = weakref.finalize(sim, _quietly, trajectory)
-        if self.steps_left(sim) < 0:
-            self.next += 1
-        self.look(sim)
+        self.call = Call(self.write, every, 0.0, round(sim.time / every))
+        if round((self.call.due - sim.time) / sim.step) == 0:
+            self.write(sim)
+        while round((self.call.due - sim.time) / sim.step) <= 0:
+            self.call.number += 1
 
-    def steps_left(self, sim: Any) -> int:
-        """Steps until the next frame; below 0 = it is past."""
-        return round((self.next * self.every - sim.time) / sim.step)
+    def write(self, sim: Any) -> None:
+        """Writes a frame, unless that has been done at this step."""
+        if self.trajectory.last_step < sim.steps:
+            with sim.clock.stage("record"):
+                self.surely(sim, lambda: self.trajectory.write(self.frames.of(sim)))
 
-    def look(self, sim: Any) -> None:
-        """Writes the frame that is due, if one is and has not been written."""
-        if self.steps_left(sim) <= 0:
-            if self.trajectory.last_step < sim.steps:
-                self.trajectory.write(self.frames.of(sim))
-            while self.steps_left(sim) <= 0:  # of several within a step the first is written
-                self.next += 1
+    def surely(self, sim: Any, act: Callable[[], None]) -> None:
+        """Does what may fail; then nothing more is written."""
+        try:
+            act()
+        except SandError:
+            self.end(sim)
+            raise
+
+    def end(self, sim: Any) -> None:
+        """Writes no more."""
+        self.call.stop()
+        if self in sim.recorders:
+            sim.recorders.remove(self)
 
     def stop(self) -> None:
         """Ends the recording; the file is complete. SandError if the disk is full."""
         sim = self.sim()
         if sim is not None and self in sim.recorders:
-            sim.recorders.remove(self)
+            self.end(sim)
             self.trajectory.close()
 
 
@@ -64,9 +72,7 @@ class Recorded:
     recorders: list[Recorder]
     scene: Scene
     steps: int
-    step: float
-    time: float
-    clock: Clock
+    calls: Calls
 
     @changes
     def record(self, path: str | PathLike[str], every: float) -> Recorder:
@@ -92,30 +98,13 @@ class Recorded:
             trajectory = Trajectory.begin(place, frames.of(self), mark)
         recorder = Recorder(self, frames, trajectory, float(every))
         self.recorders.append(recorder)
+        self.calls.found.append(recorder.call)
         return recorder
-
-    def _steps_to_record(self) -> int:
-        """Steps until the next frame of any recorder."""
-        return min((recorder.steps_left(self) for recorder in self.recorders), default=MOST)
-
-    def _look_at_recorders(self) -> None:
-        """Writes the frames that are due; a recorder that cannot write is none any more."""
-        if self.recorders:
-            with self.clock.stage("record"):
-                for recorder in list(self.recorders):
-                    self._surely(recorder, recorder.look, self)
 
     def flush_recorders(self) -> None:
         """What has been recorded can be read."""
         for recorder in list(self.recorders):
-            self._surely(recorder, recorder.trajectory.flush)
-
-    def _surely(self, recorder: Recorder, act: Any, *arguments: Any) -> None:
-        try:
-            act(*arguments)
-        except SandError:
-            self.recorders.remove(recorder)
-            raise
+            recorder.surely(self, recorder.trajectory.flush)
 
 
 def made_of(scene: Any) -> bytes:

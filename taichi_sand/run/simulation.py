@@ -213,7 +213,7 @@ class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Keepin
         pauses = self._pauses()
         fit = self.cadence.steps(stepping.awake(self.world))
         due = min(every - self.steps % every for _, every in (*pauses, (None, MOST_STEPS)))
-        part = min(end - self.steps, fit, self._steps_to_look(), self._steps_to_record(), self._steps_to_call(), due)
+        part = min(end - self.steps, fit, self._steps_to_look(), self._steps_to_call(), due)
         before, start = self.steps, time.perf_counter()
         with self.clock.stage("march"):
             self._march(part)
@@ -229,7 +229,6 @@ class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Keepin
                 self._hasten()
             elif self._steps_to_look() == self._look_every():
                 self._look()
-        self._look_at_recorders()
 
     def _pauses(self) -> list[tuple[Callable[[Any, Any], None], int]]:
         """What acts between launches, and after how many steps each."""
