@@ -32,7 +32,7 @@ from taichi_sand.world.walls.build import tables_of
 
 BOX = {"size": [0.5, 0.5]}
 SCENES: dict[str, dict[str, Any]] = {
-    "discs": {"grains": [{"radius": 0.02, "count": 40}]},
+    "discs": {"grains": [{"radius": 0.02, "count": 40}], "water": [{"region": [0.0, 0.0, 0.5, 0.2]}], "effects": {"water": {}}},
     "sleepers": {
         "grains": [{"radius": [0.01, 0.02], "count": 30}],
         "edges": {"left": "periodic", "right": "periodic"},

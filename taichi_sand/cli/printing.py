@@ -47,6 +47,14 @@ GROUPS = {
         "angular_momentum_Nms": ("angular momentum", "N m s"),
         "speed_max_m_s": ("fastest grain", "m/s"),
     },
+    "water": {
+        "water_m2": ("water", "m2"),
+        "water_floor_Pa": ("pressure on the floor", "Pa"),
+        "water_speed_max_m_s": ("fastest water", "m/s"),
+        "water_divergence_1_s": ("divergence left", "1/s"),
+        "water_iterations": ("iterations of the projection", ""),
+        "water_step_s": ("its time step", "s"),
+    },
 }
 
 

@@ -6,7 +6,8 @@ pair it needs, carried(values), names of the columns that follow a grain (w.carr
 how far apart grains act on one another, in mean diameters, links(values, grains), which grains of a scene.packing.Pack it ties together,
 (n, 2), longest_step(values, world), up to which it is stable [s], pull(values), by which it holds grains together at most, in weights of
 a mean grain, push(values, world), by which it presses a mean grain against others at most [N], steady(values, world), by which it presses
-a single grain at most [N], and misfit(scene), why it does not fit a scene, or "".
+a single grain at most [N], tables(values, scene, grains, world, solver), a tuple of fields of its own, which `build` gets behind its
+columns, and misfit(scene), why it does not fit a scene, or "".
 build(values, columns, solver) makes the object whose methods are the hooks. HOOKS is the closed list of them; all but `on_pause` are
 ti.funcs that the solver folds into its own kernels. Their argument w is the world, c the numbers of the solver and the live parameters
 (`mu` of friction is c.friction_mu), p a row of the neighbour list.
@@ -52,7 +53,9 @@ HOOKS = {
         "kept": "(w, c, k): elastic energy that link k, which is whole, holds [J]; asked for if some effect has `heat`",
         "body": "(w, c, i): force and torque on grain i in every step, as a wrench [N, N, N m, 0]",
         "on_step": "(w, s): within a launch, between two steps, every `interval` seconds, the least of all such effects; s is the solver",
-        "on_pause": "(world, solver): Python, between launches, every `interval` seconds of simulated time",
+        "on_pause": "(world, solver): Python, between launches, every `interval` seconds of simulated time; of an effect without one "
+        "before the first step, too, and it returns after how many steps again",
+        "report": "(world, solver): Python, numbers of the report, by key",
     },
 }
 """What an effect may do, by the solver that calls it; an effect with another public method is refused."""
@@ -186,6 +189,12 @@ def bed(tables: Mapping[str, Any], world: Any) -> dict[str, float]:
     pushes = (effect.push(values, world) for effect, values in found if hasattr(effect, "push"))
     forces = (effect.steady(values, world) for effect, values in found if hasattr(effect, "steady"))
     return {"longest_step": min(steps, default=math.inf), "pull": sum(pulls), "push": sum(pushes), "steady": max(forces, default=0.0)}
+
+
+def tables(name: str, values: dict[str, Any], scene: Any, grains: Any, world: Any) -> tuple:
+    """Fields of its own that effect `name` has beside columns, for `grains` in `world`."""
+    make = getattr(module(name), "tables", None)
+    return make(values, scene, grains, world, scene.solver.kind) if make else ()
 
 
 def build(name: str, values: dict[str, Any], memory: Sequence[Any], kind: str) -> Any:

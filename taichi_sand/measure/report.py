@@ -24,6 +24,12 @@ between smooth sides gives its weight.
 `heat_J`: with the effect `heat`: energy that contacts have turned into heat, of the grains present [J].
 `wetness_mean`: with the effect `moisture`: mean wetness, weighted by mass.
 `momentum_taken_Ns`: with the effect `safe_direction`: momentum that the rule has taken from the grains, [x, y] [N s].
+`water_m2`: with the effect `water`: area of the water that there is, over the box; what left through open edges is gone.
+`water_floor_Pa`: mean pressure of the water on the lower edge of the box.
+`water_speed_max_m_s`: of its fastest marker, along x or y.
+`water_divergence_1_s`: largest divergence that the projection has left.
+`water_iterations`: of the projection, in the last step of the water.
+`water_step_s`: how far apart the water acts.
 `wall_force_N`: sum over all wall contacts of the size of their force.
 `mass_kg`: of the grains that can move.
 `grains_made`: with sources or sinks: grains there have been in all, those of the start included.
@@ -182,6 +188,15 @@ def carried(sim: Any) -> dict[str, Any]:
     return found
 
 
+def own_numbers(sim: Any) -> dict[str, Any]:
+    """What effects say of themselves."""
+    found: dict[str, Any] = {}
+    for effect in sim.solver.effects:
+        if hasattr(effect, "report"):
+            found |= effect.report(sim.world, sim.solver)
+    return found
+
+
 def step_set_by(sim: Any) -> str:
     """What the step follows from: the keys of the scene, its tolerance, or the effects that allow no longer one."""
     if sim.scene.solver.step or sim.scene.solver.substeps:
@@ -206,6 +221,7 @@ def report(sim: Any) -> dict[str, Any]:
         "flow_softness": softness(sim.numbers, sim.bed),
         **motion(sim),
         **carried(sim),
+        **own_numbers(sim),
         "packing_fraction": packing_fraction(sim),
         "step_s": float(sim.step),
         "step_set_by": step_set_by(sim),

@@ -45,6 +45,12 @@ def check(sim: Any, record: Host, fresh: Mapping[str, np.ndarray], stored: Mappi
         number(f"over {key}", abs(value))
         if not live.beyond(record.scene, key, value):
             raise SandError(f"{key} = {value:g} is not beyond what a scene may have")
+    if set(record.due) != set(sim.due):
+        raise SandError("it says of other effects when they act")
+    for name, due in record.due.items():
+        number(f"due {name}", due, whole=True)
+        if not record.steps <= due <= record.steps + trust.LATEST:
+            raise SandError(f"due {name} = {due} does not fit its {record.steps} steps")
     trust.check(sim.world, record.scene, len(sim.sizes), fresh, stored)
     if steps > record.steps or record.steps != int(stored[".0.pace:done"]):
         raise SandError(f"steps = {record.steps} does not fit its tables")

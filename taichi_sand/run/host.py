@@ -22,17 +22,17 @@ class Host:
     owed: float  # time that was asked for and not simulated yet [s]: less than half a step; below 0 = more was simulated
     made: int  # grains, those of the start included
     removed: int  # grains, by hand
+    due: dict[str, int]  # steps after which effects that pace themselves act next, by name
 
     @classmethod
     def of(cls, sim: Any) -> Self:
         """That of `sim`, at this moment."""
-        return cls(**{field.name: getattr(sim, field.name) for field in fields(cls)})
+        return cls(**{field.name: kept(getattr(sim, field.name)) for field in fields(cls)})
 
     def give(self, sim: Any) -> None:
         """Makes it that of `sim`, whose fields are those of the same moment."""
         for field in fields(self):
-            value = getattr(self, field.name)
-            setattr(sim, field.name, dict(value) if isinstance(value, dict) else value)
+            setattr(sim, field.name, kept(getattr(self, field.name)))
 
     def to_json(self) -> dict[str, Any]:
         """As JSON can hold it."""
@@ -45,3 +45,8 @@ class Host:
         named = {field.name: data[field.name] for field in fields(cls)}
         step, time = named["epoch"]
         return cls(**named | {"scene": Scene.from_json(named["scene"]), "bed": Bed(**named["bed"]), "epoch": (int(step), float(time))})
+
+
+def kept(value: Any) -> Any:
+    """A value that stays as it is when its owner goes on."""
+    return dict(value) if isinstance(value, dict) else value

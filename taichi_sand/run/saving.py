@@ -57,7 +57,7 @@ class Keeping:
         check_runner(self)
         for recorder in list(self.recorders):
             recorder.stop()
-        self._world, self.solver, self.hand, self.pausing = None, None, None, []
+        self._world, self.solver, self.hand, self.pausing = None, None, None, {}
         self.returning()
         runtime.done(self)
 

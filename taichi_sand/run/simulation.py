@@ -18,6 +18,7 @@ from taichi_sand.run.entry import changes, running
 from taichi_sand.run.growing import Growing
 from taichi_sand.run.instrument import Instrument
 from taichi_sand.run.looking import Looking
+from taichi_sand.run.pausing import Pausing
 from taichi_sand.run.readings import Readings
 from taichi_sand.run.recording import Recorded, Recorder
 from taichi_sand.run.saving import Keeping
@@ -47,7 +48,7 @@ MOST_STEPS = 2**31 - 1
 """That a simulation counts."""
 
 
-class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Keeping, Recorded, Readings):
+class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Pausing, Keeping, Recorded, Readings):
     """A scene in motion.
 
     Args:
@@ -107,7 +108,9 @@ class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Keepin
         own = [memory.pop(0) for _ in range(solver.MEMORY)]
         built = []
         for name, values in self.effects.items():
-            built.append(field_pool.same(effect_modules.build(name, values, [memory.pop(0) for _ in range(columns[name])], kind)))
+            followed = [memory.pop(0) for _ in range(columns[name])]
+            followed += field_pool.same(effect_modules.tables(name, values, scene, grains, self.world))
+            built.append(field_pool.same(effect_modules.build(name, values, followed, kind)))
         self.hand = field_pool.same(hands.allocate(self.world.real)) if hand else None
         if self.hand:
             built.append(self.hand)
@@ -115,7 +118,7 @@ class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Keepin
         if self.rooms == NO_ROOMS:  # tables that grow keep their numbers
             check_speeds(scene, self.numbers["speed_cap"])
         self.solver = field_pool.same(solver.build(scene, self.numbers, effect_modules.live(self.effects), own, tuple(built), self.world))
-        self.pausing = [effect for effect in built if hasattr(effect, "on_pause")]
+        self.pausing = {name: effect for name, effect in zip(self.effects, built, strict=False) if hasattr(effect, "on_pause")}
         """Effects that act between launches."""
 
     def _start_steps(self) -> None:
@@ -125,6 +128,7 @@ class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Keepin
         stepping.compile_steps(self.world, self.solver)
         turn.pause()
         self._march(0)
+        self._begin_pauses()
         turn.pause()
         if self.world.layout == "cells" and not edit.all_listed(self.world):
             raise SandError(f"--arch {self.arch}: its driver leaves out parts of the search for contacts; take --arch cpu", "arch")
@@ -212,7 +216,7 @@ class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Keepin
         """A launch of steps, up to step `end`, and the pauses that are due then."""
         pauses = self._pauses()
         fit = self.cadence.steps(stepping.awake(self.world))
-        due = min(every - self.steps % every for _, every in (*pauses, (None, MOST_STEPS)))
+        due = min((at - self.steps for _, at in pauses), default=MOST_STEPS)
         part = min(end - self.steps, fit, self._steps_to_look(), self._steps_to_call(), due)
         before, start = self.steps, time.perf_counter()
         with self.clock.stage("march"):
@@ -220,8 +224,8 @@ class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Keepin
         self.steps = int(stepping.now(self.world.pace, "done"))
         self.clock.count(self.count, self.steps - before, self.step)
         self.cadence.took(self.steps - before, time.perf_counter() - start)
-        for act, every in pauses:
-            if self.steps % every == 0:
+        for act, at in pauses:
+            if self.steps == at:
                 with self.clock.stage("effects"):
                     act(self.world, self.solver)
         with self.clock.stage("look"):
@@ -229,13 +233,6 @@ class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Keepin
                 self._hasten()
             elif self._steps_to_look() == self._look_every():
                 self._look()
-
-    def _pauses(self) -> list[tuple[Callable[[Any, Any], None], int]]:
-        """What acts between launches, and after how many steps each."""
-        pauses = [(effect.on_pause, max(1, math.floor(effect.interval / self.step))) for effect in self.pausing]
-        if self.scene.sources:
-            pauses.append((self._pour, sources.steps_between(self.step)))
-        return pauses
 
     def _pour(self, world: Any, solver: Any) -> None:
         """The sources make the grains that are due."""
@@ -270,6 +267,7 @@ class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Keepin
             if name in constants.keys:
                 setattr(constants[None], name, value)
         self._set_pace()
+        self._keep_due(before["step"])
         with self.clock.stage("march"):
             self._search_anew()
         self._follow(before)

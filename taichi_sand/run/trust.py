@@ -152,6 +152,11 @@ INDICES: dict[str, tuple[Bound, Bound] | str] = {
     "near": (0, LATEST),
     "effects.now:work": (0, 3),
     "effects.now:grain": (-1, LARGEST),
+    **{f"effects.fluid.{name}": SAME for name in ("levels", "now:columns", "now:rows", "now:levels", "now:law")},
+    **{f"effects.fluid.now:{name}": (0, LARGEST) for name in ("top", "rounds", "gone")},
+    "effects.fluid.now:markers": (0, LARGEST),  # kernels take no more than there is room for
+    "effects.fluid.cells.kind": (-1, 1),
+    **{f"effects.fluid.{name}.known": (-2, 4) for name in "uv"},
 }
 """Least and largest value of every table of whole numbers."""
 MADE_FOR = {f"box:{name}" for name in ("size", "spacing", "diameter", "largest", "least", "listed", "bridge", "least_cell")}

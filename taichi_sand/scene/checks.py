@@ -183,10 +183,12 @@ def scene(table: Any) -> None:
 
 def _flow(table: Any, names: list[str]) -> None:
     """Sources and sinks lie in the box; a source knows its shape, and has room for its largest grain."""
-    for kind in ("sources", "sinks"):
+    for kind in ("sources", "sinks", "water"):
         for index, item in enumerate(getattr(table, kind)):
             if _outside(table, np.reshape(item.region, (2, 2))).any():
                 raise Wrong(f"{kind}[{index}].region", f" = {show(item.region)} must lie inside the box, {_box(table)}")
+    if table.water and "water" not in table.effects:
+        raise Wrong("water[0]", " needs a table [effects.water]")
     for index, item in enumerate(table.sources):
         name = f"sources[{index}]"
         if item.shape not in names:

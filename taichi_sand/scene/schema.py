@@ -180,6 +180,17 @@ class Sink(Table):
         return self
 
 
+class Water(Table):
+    """Where water is at the start; it needs a table [effects.water]."""
+
+    region: Box = key(..., "[x0, y0, x1, y1] that it fills, but for the grains that are there", "m")
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        checks.region(self.region)
+        return self
+
+
 class View(Table):
     """How pictures and films of the scene look."""
 
@@ -218,6 +229,7 @@ class Scene(Table):
     walls: tuple[Wall, ...] = key((), "line obstacles")
     sources: tuple[Source, ...] = key((), "make grains while the simulation runs")
     sinks: tuple[Sink, ...] = key((), "take grains out")
+    water: tuple[Water, ...] = key((), "where water is at the start")
     effects: dict[str, dict[str, Any]] = key({}, "a table present = the effect is on")
     view: View = key(View(), "how pictures look")
     record: Record = key(Record(), "what `run` writes beside its report")
@@ -247,7 +259,7 @@ class Scene(Table):
                 grains["count"] = max(1, round(grains["count"] * self.scale))
             if grains.get("region"):
                 grains["region"] = [length * side for side in grains["region"]]
-        for table in (*data.get("sources", ()), *data.get("sinks", ())):
+        for table in (*data.get("sources", ()), *data.get("sinks", ()), *data.get("water", ())):
             table["region"] = [length * side for side in table["region"]]
             if table.get("rate"):
                 table["rate"] = min(1e6, table["rate"] * self.scale)
@@ -307,4 +319,4 @@ class Scene(Table):
 
 def _tables() -> dict[str, type[BaseModel]]:
     kinds = {"solver": Solver, "shapes": Shape, "grains": Grains, "walls": Wall, "shake": Shake, "sources": Source, "sinks": Sink}
-    return {"": Scene, "edges": Edges, "view": View, "record": Record, **kinds}
+    return {"": Scene, "edges": Edges, "view": View, "record": Record, **kinds, "water": Water}

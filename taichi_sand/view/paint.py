@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +25,8 @@ SPOKED = (KIND, "rotation")
 """Views in which a spoke shows how a grain is turned; in the others it would be in the way."""
 BOND_WIDTH = 0.12
 """Of a bar that shows a bond, in mean diameters."""
+BEHIND, OVER = 0.92, 0.28
+"""How much of the ground, and of the grains, water hides."""
 LINES_PER_GRAIN = 6
 """Room for force lines: contacts that push, per grain slot."""
 
@@ -64,6 +67,7 @@ class Painter:
     """Paints a world. These may be changed between pictures: `color`, `force_chains`, `sleepers` (whether they are shown fainter), `bonds`
     (whether they are shown), `dimmed` (whether grains only are the ground for what is drawn over them) and `walls`.
 
+    water: what paints it (view.water.Pool), or None.
     walls: straight parts, shape (n, 4): x, y of one end, x, y of the other [m].
     edges: which edges of the box are walls: left, right, bottom, top.
     kinds: how many kinds of grains the scene has.
@@ -89,6 +93,7 @@ class Painter:
         self.width, self.height = width, picture_height(size_m, width)
         self.scale = width / size_m[0]  # px/m
         self.enlargement = width / REFERENCE_WIDTH
+        self.water: Any = None
         self.walls = np.zeros((0, 4)) if walls is None else walls
         self.edges = edge_lines(self.width, self.height, edges, max(1.0, WALL_WIDTH * self.enlargement))
         self.legend: Legend | None = None
@@ -133,6 +138,9 @@ class Painter:
         canvas = self._canvas if canvas is None else canvas
         canvas.fill(palette.packed(palette.GROUND))
         self.legend = None
+        if self.water:
+            self.water.look()
+            self.water.paint(canvas, self.width, self.height, BEHIND)
         self._colour(time)
         if self.sleepers and self.world.sleeps and not (self.force_chains or self.dimmed):
             kernels.fade_sleepers(self.world, self._colours)
@@ -141,6 +149,8 @@ class Painter:
         bars = self.bonds and not self.force_chains and world.linked  # they show how a body is turned
         spokes = self.color in SPOKED and not self.force_chains and not bars
         kernels.paint_discs(canvas, *size, self._discs, self._owner, self._bands, self._colours, spokes)
+        if self.water:
+            self.water.paint(canvas, self.width, self.height, OVER)
         if self.force_chains:
             self._paint_chains(canvas, time)
         elif bars:

@@ -42,7 +42,17 @@ def painter_of(sim: Any) -> Painter:
             edges=[getattr(scene.edges, side) == "wall" for side in SIDES],
             kinds=max(1, len(scene.grains) + len(scene.sources)),
         )
+        painter.water = water_of(sim)
     return painter
+
+
+def water_of(sim: Any) -> Any:
+    """What paints the water of a simulation, or None; nothing is imported for that without any."""
+    if "water" not in sim.scene.effects:
+        return None
+    from taichi_sand.view.water import pool_of
+
+    return pool_of(sim)
 
 
 def facts(sim: Any) -> list[str]:

@@ -13,7 +13,7 @@ from taichi_sand.play.window.sheet import DIM, IDLE, TEXT, Sheet
 from taichi_sand.view import palette
 from taichi_sand.view.caption import Caption, spaced
 from taichi_sand.view.paint import Painter, picture_height
-from taichi_sand.view.picture import SIDES, facts, wall_lines
+from taichi_sand.view.picture import SIDES, facts, wall_lines, water_of
 from taichi_sand.world.extras.hand import GRAB
 
 if TYPE_CHECKING:
@@ -60,6 +60,7 @@ class Screen:
             edges = [getattr(scene.edges, side) == "wall" for side in SIDES]
             kinds = max(1, len(scene.grains) + len(scene.sources))
             self.painter = Painter(sim.world, scene.size, self.picture[0], edges=edges, kinds=kinds)
+            self.painter.water = water_of(sim)
             self.caption = Caption(*self.picture, self.painter.scale, LEAST_TEXT)
             self.overlay = Overlay(self.painter)
         painter = self.painter

@@ -45,7 +45,7 @@ def inventory(sim: Simulation) -> list[dict[str, Any]]:
         hooks = [hook for hook in {**effects.HOOKS[kind], **effects.HOOKS["both"]} if hasattr(effect, hook)]
         loops = sorted({LOOPS[hook] for hook in hooks if hook in LOOPS})
         if "on_pause" in hooks:
-            loops.append(f"pauses of {effect.interval:.3g} s")
+            loops.append(f"pauses of {effect.interval:.3g} s" if hasattr(effect, "interval") else "pauses of its own")
         if "on_step" in hooks:
             loops.append(f"looks every {effect.interval:.3g} s")
         live = {p.name: values[p.name] for p in effects.module(name).PARAMETERS if p.live}

@@ -1,0 +1,83 @@
+"""Water as a part of the program: bits, checkpoints, undo, what is told of it, what it looks like."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import digest, fresh_taichi
+
+import taichi_sand as sand
+
+SCENE = {
+    "size": [0.3, 0.2],
+    "grains": [{"radius": [0.0028, 0.0032], "count": 200, "region": [0.1, 0.0, 0.3, 0.2]}],
+    "water": [{"region": [0.0, 0.0, 0.15, 0.15]}],
+    "effects": {"water": {}, "friction": {}},
+    "seed": 4,
+}
+
+
+def state(sim: sand.Simulation) -> tuple[str, bytes, bytes]:
+    """All there is to see of grains and water, bit by bit."""
+    f = sim.pausing["water"].fluid
+    return digest(sim), f.place.to_numpy().tobytes(), f.velocity.to_numpy().tobytes()
+
+
+@pytest.mark.parametrize("kind", ["rigid", "md"])
+def test_same_bits(kind: str, tmp_path: Path) -> None:
+    """Interrupted, in strides, and resumed: the same bits as in one go, water included."""
+    scene = sand.Scene(**SCENE, solver={"kind": kind})
+    ends = []
+    for stride in (0.2, 0.013):
+        fresh_taichi()
+        sim = sand.Simulation(scene, threads=1)
+        while sim.time < 0.199:
+            sim.advance(min(stride, 0.2 - sim.time))
+            if 0.1 < sim.time < 0.114:
+                sim.save(tmp_path / "water.npz")
+        steps = sim.steps
+        ends.append(state(sim))
+        sim.close()
+    sim = sand.Simulation.resume(tmp_path / "water.npz", threads=1)
+    sim.advance_steps(steps - sim.steps)
+    ends.append(state(sim))
+    assert ends[0] == ends[1] == ends[2]
+
+
+def test_threads() -> None:
+    """The same bits on two threads."""
+    ends = []
+    for threads in (1, 2):
+        fresh_taichi()
+        sim = sand.Simulation(sand.Scene(**SCENE), threads=threads)
+        sim.advance(0.1)
+        ends.append(state(sim))
+        sim.close()
+    assert ends[0] == ends[1]
+
+
+WRONG = {
+    "water[0] needs a table [effects.water]": {"effects": {}},
+    "water[0].region = [0, 0, 0.4, 0.1] must lie inside the box": {"water": [{"region": [0, 0, 0.4, 0.1]}]},
+    "effects.water.cell = 0: must lie in 0.1 … 100 d": {"effects": {"water": {"cell": 0.0}}},
+    "effects.water: with grains, cell = 1 d must be at least 1.8 d": {"effects": {"water": {"cell": 1.0}}},
+    'does not fit the integrator rk4, only "symplectic_euler"': {"solver": {"kind": "md", "integrator": "rk4"}},
+    "at most 1000000 are possible": {"effects": {"water": {"cell": 2.0}}, "grains": [{"positions": [[0.1, 0.1]], "radius": 1e-5}]},
+}
+
+
+@pytest.mark.parametrize("sentence", WRONG)
+def test_wrong_water_is_told(sentence: str) -> None:
+    with pytest.raises(sand.SandError) as caught:
+        sand.Simulation(sand.Scene(**{**SCENE, **WRONG[sentence]}), threads=1)
+    assert sentence in str(caught.value)
+
+
+def test_it_is_seen() -> None:
+    """The picture is blue where water is, dark where there is none, and grains under it can be seen."""
+    fresh_taichi()
+    sim = sand.Simulation(sand.Scene(**SCENE, view={"width": 300, "caption": False}), threads=1)
+    image = sim.image().astype(int)
+    red, _, blue = (image[..., k] for k in range(3))
+    assert (blue - red)[80:190, 10:90].min() > 40
+    assert np.abs(blue - red)[10:40, 10:90].max() < 10
