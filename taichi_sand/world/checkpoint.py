@@ -16,7 +16,7 @@ from taichi_sand.files import archive, writing
 from taichi_sand.files.archive import Announced
 from taichi_sand.files.reading import opened
 
-FORMAT = 8
+FORMAT = 9
 Misfit = Callable[[Any, dict[str, Announced]], str]
 
 
