@@ -6,8 +6,8 @@ pair it needs, carried(values), names of the columns that follow a grain (w.carr
 how far apart grains act on one another, in mean diameters, links(values, grains), which grains of a scene.packing.Pack it ties together,
 (n, 2), longest_step(values, world), up to which it is stable [s], pull(values), by which it holds grains together at most, in weights of
 a mean grain, push(values, world), by which it presses a mean grain against others at most [N], steady(values, world), by which it presses
-a single grain at most [N], tables(values, scene, grains, world, solver), a tuple of fields of its own, which `build` gets behind its
-columns, and misfit(scene), why it does not fit a scene, or "".
+a single grain at most [N], resists(values), whether it keeps contacts from sliding, tables(values, scene, grains, world, solver), a tuple
+of fields of its own, which `build` gets behind its columns, and misfit(scene), why it does not fit a scene, or "".
 build(values, columns, solver) makes the object whose methods are the hooks. HOOKS is the closed list of them; all but `on_pause` are
 ti.funcs that the solver folds into its own kernels. Their argument w is the world, c the numbers of the solver and the live parameters
 (`mu` of friction is c.friction_mu), p a row of the neighbour list.
@@ -181,14 +181,18 @@ def structure(tables: Mapping[str, Any], grains: Any) -> dict[str, Any]:
     return found | {"links": np.concatenate(tied) if tied else None}
 
 
-def bed(tables: Mapping[str, Any], world: Any) -> dict[str, float]:
-    """What the dial must know of these effects, as fields of solvers.bed.Bed: longest step, pulls and pushes."""
+def bed(tables: Mapping[str, Any], world: Any) -> dict[str, Any]:
+    """What the dial must know of these effects, as fields of solvers.bed.Bed: longest step, pulls and pushes, and whether contacts resist
+    sliding.
+    """
     found = [(module(name), values) for name, values in tables.items()]
     steps = (effect.longest_step(values, world) for effect, values in found if hasattr(effect, "longest_step"))
     pulls = (effect.pull(values) for effect, values in found if hasattr(effect, "pull"))
     pushes = (effect.push(values, world) for effect, values in found if hasattr(effect, "push"))
     forces = (effect.steady(values, world) for effect, values in found if hasattr(effect, "steady"))
-    return {"longest_step": min(steps, default=math.inf), "pull": sum(pulls), "push": sum(pushes), "steady": max(forces, default=0.0)}
+    rough = any(effect.resists(values) for effect, values in found if hasattr(effect, "resists"))
+    loads = {"pull": sum(pulls), "push": sum(pushes), "steady": max(forces, default=0.0)}
+    return {"longest_step": min(steps, default=math.inf), **loads, "rough": rough}
 
 
 def tables(name: str, values: dict[str, Any], scene: Any, grains: Any, world: Any) -> tuple:

@@ -35,6 +35,11 @@ VISCOUS = 0.7
 """Slope of the viscous model, over the root of stiffness times effective mass."""
 
 
+def resists(values: dict[str, Any]) -> bool:
+    """Whether contacts resist sliding."""
+    return values["mu"] > 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Friction:
     """The effect as kernels see it."""

@@ -50,6 +50,7 @@ class Bed:
     clumps: bool = False  # whether there are grains of several discs
     pull: float = 0.0  # of effects that hold grains together, in weights of a mean grain
     push: float = 0.0  # of effects that press grains against others, as weight does [N]
+    rough: bool = False  # whether contacts resist sliding
     thrust: float = 0.0  # of walls with force on a column of grains [N]
     steady: float = 0.0  # largest force of an effect on a single grain [N]
     ram: float = 0.0  # energy of walls with force and mass for each grain that they may run into [J]

@@ -34,9 +34,6 @@ from taichi_sand.world.walls.servo import along_course, apart, bear, drives, nob
 from taichi_sand.world.walls.wedge import feel, holds
 
 MEMORY = 1
-REFERENCE_SHARE = 0.83
-"""The reference takes over this share of the carried impulse at most: the sag falls to the rest of it, and the soft contact keeps
-enough of the load to damp. With 0.95 piles 45 grains deep shake."""
 UNLOADED = 3.0
 """A moving wall feels at least a third of the overlap that its force would make without the reference: by the overlap alone it would go on
 for as long as the reference takes the load over, up to six times the force that stops it when it presses fast."""
@@ -54,6 +51,7 @@ def constants_type(real: Any, live: Iterable[str]) -> Any:
         restitution=real,
         threshold=real,  # slowest impact [m/s]
         reference_rate=real,  # share of the way that the reference impulse creeps in a step
+        reference_share=real,  # of the carried impulse, that it creeps to
         **dict.fromkeys(live, real),
     )
 
@@ -120,7 +118,7 @@ def relax(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.temp
 @ti.func
 def keep(w: ti.template(), s: ti.template(), c: ti.template(), p, carried, wall: ti.template()):
     """Stores the impulse that pair p carries for the next step."""
-    goal = ti.select(touches(w, p), REFERENCE_SHARE * at_least(0.0, carried.x) * c.rate, 0.0)
+    goal = ti.select(touches(w, p), c.reference_share * at_least(0.0, carried.x) * c.rate, 0.0)
     crept = s.reference[p] + c.reference_rate * (goal - s.reference[p])
     s.reference[p] = ti.select(crept < goal, crept, goal)
     store_impulse(w, s, c, p, carried, wall, True)

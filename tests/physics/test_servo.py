@@ -48,6 +48,23 @@ def test_lids_without_mass_press_with_their_force(kind: str, force: float, speed
 
 
 @pytest.mark.parametrize("kind", KINDS)
+def test_a_light_lid_on_a_bed_without_friction(kind: str) -> None:
+    """2 N on 200 discs that weigh 409 N: the floor bears twice that beyond the weight at most once the bed has settled, and 2 N at rest,
+    within 2 % of it. What rests without friction rests on the shape of its contacts alone.
+    """
+    grains = [{"radius": [0.0045, 0.0055], "fill": "hexagonal", "region": [0.0, 0.0, 0.2, 0.12], "count": 200}]
+    lid = {"points": [[0.0, 0.2], [0.2, 0.2]], "velocity": [0.0, -0.2], "force": 2.0}
+    sim = simulate(grains, (0.2, 0.4), {"kind": kind, "tolerance": 0.02}, gravity=(0, -G), walls=[lid], seed=3)
+    sim.advance(3.4)
+    beyond = []
+    for _ in range(20):
+        sim.advance(0.005)
+        beyond.append(sim.report()["floor_force_N"] - sim.report()["mass_kg"] * G)
+    assert beyond == pytest.approx([2.0] * 20, rel=0.02)
+    assert sim.report()["overlap_p99"] < 0.02 and sim.flags() == []
+
+
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("mass", [0.05, 2.0])
 def test_lids_with_mass_bring_their_momentum(kind: str, mass: float) -> None:
     """v sqrt(k M) + 2 F is the most that a spring k bears of a mass M that comes at v and is pushed by F. At rest it is F."""
