@@ -52,7 +52,8 @@ REFERENCE_SHARE, SLIPPERY_SHARE = 0.83, 0.4
 """The reference takes over this share of the carried impulse at most: the sag falls to the rest of it, and the soft contact keeps enough of
 the load to damp. With 0.95 piles 45 grains deep shake. Without friction grains swing sideways with nothing but the softness of their
 contacts to hold them: with 0.83 beds of 200, 1000 and 5000 discs never rest (2, 7 and 3 % of sqrt(g d)), with 0.6 those of 1000 do not,
-with 0.3 to 0.45 all do, to rounding; a hundredth of their contacts overlaps by 0.8 to 0.97 of the tolerance. (mu = 0.01 is friction enough.)"""
+with 0.3 to 0.45 all do, to rounding; a hundredth of their contacts overlaps by 0.8 to 0.97 of the tolerance. (mu = 0.01 is friction
+enough.)"""
 CLUMPS_SLOWER = 8.0
 """Clumps swing, and die out, so many times as slowly: they roll on one another like gears, and a contact moves what turns them less than
 what shifts them (pyramids of squares shake after 14 steps with 20 rows, after 80 with 40; arches of 17 wedges after 40)."""
