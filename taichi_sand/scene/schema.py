@@ -14,6 +14,7 @@ from pydantic import BaseModel, PrivateAttr, ValidationError, model_validator
 
 from taichi_sand.errors import SandError
 from taichi_sand.scene import checks
+from taichi_sand.scene.expected import Check
 from taichi_sand.scene.kinds import Angle, Box, Edge, Number, Range, Switch, Table, Vector, Whole, key, sealed
 from taichi_sand.scene.origin import moved
 from taichi_sand.scene.record import Record
@@ -233,6 +234,7 @@ class Scene(Table):
     effects: dict[str, dict[str, Any]] = key({}, "a table present = the effect is on")
     view: View = key(View(), "how pictures look")
     record: Record = key(Record(), "what `run` writes beside its report")
+    checks: tuple[Check, ...] = key((), "what it must show, for `taichi-sand check`")
     _source: str = PrivateAttr("")
 
     def __init__(self, /, **data: Any) -> None:
@@ -319,4 +321,4 @@ class Scene(Table):
 
 def _tables() -> dict[str, type[BaseModel]]:
     kinds = {"solver": Solver, "shapes": Shape, "grains": Grains, "walls": Wall, "shake": Shake, "sources": Source, "sinks": Sink}
-    return {"": Scene, "edges": Edges, "view": View, "record": Record, **kinds, "water": Water}
+    return {"": Scene, "edges": Edges, "view": View, "record": Record, **kinds, "water": Water, "checks": Check}

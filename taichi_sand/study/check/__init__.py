@@ -1,0 +1,1 @@
+"""Scenes held to the numbers that they must show."""

@@ -1,0 +1,82 @@
+"""Simulates scenes and holds them to their [[checks]]."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from taichi_sand.errors import SandError, show, suggest
+from taichi_sand.measure.named import MEASURES
+from taichi_sand.run.simulation import Simulation
+from taichi_sand.scene.expected import Check
+from taichi_sand.scene.schema import Scene
+from taichi_sand.study.sweep.job import numbers
+
+
+@dataclass(frozen=True)
+class Row:
+    """One check, and what was found."""
+
+    scene: str
+    observable: str
+    at: float  # [s]
+    value: float  # NaN: there was nothing to measure
+    low: float
+    high: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether the value lies within its range."""
+        return self.low <= self.value <= self.high
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON, which knows no NaN: null."""
+        found = {**vars(self), "passed": self.passed}
+        return {key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in found.items()}
+
+
+def when(scene: Scene, check: Check) -> float:
+    """The time at which a check is due [s]."""
+    return float(scene.duration if isinstance(check.at, str) else check.at)
+
+
+def observe(sim: Simulation, observable: str) -> float:
+    """A measurement, or a number of the report; SandError if there is none of that name."""
+    if observable in MEASURES:
+        return MEASURES[observable](sim)
+    found = numbers(sim.report())
+    if observable not in found:
+        known = [*MEASURES, *found]
+        raise SandError(f"checks: observable = {show(observable)} is no number of this scene{suggest(observable, known)}", "checks")
+    return found[observable]
+
+
+def check(
+    name: str, scene: Scene, arch: str = "cpu", threads: int | None = None, progress: Callable[[float], None] | None = None
+) -> list[Row]:
+    """Simulates `scene` as far as its checks ask for, and returns a row each, in the order of time.
+
+    Args:
+        name: what rows call the scene.
+        scene: with [[checks]].
+        arch: backend.
+        threads: CPU threads; all there are if None.
+        progress: called with the share that is done.
+
+    Raises:
+        SandError: the scene has no checks, or one that asks for a number that there is not.
+    """
+    if not scene.checks:
+        raise SandError(f"{name} has no [[checks]]: it says nothing of what it must show")
+    with Simulation(scene, arch=arch, threads=threads) as sim:
+        for wanted in scene.checks:
+            observe(sim, wanted.observable)
+        rows, end = [], max(when(scene, wanted) for wanted in scene.checks)
+        for wanted in sorted(scene.checks, key=lambda one: when(scene, one)):
+            start = sim.time
+            share = (lambda done, at=start: progress((at + done * (when(scene, wanted) - at)) / (end or 1.0))) if progress else None
+            sim.advance_to(when(scene, wanted), progress=share)
+            low = -math.inf if wanted.low is None else wanted.low
+            high = math.inf if wanted.high is None else wanted.high
+            rows.append(Row(name, wanted.observable, sim.time, observe(sim, wanted.observable), low, high))
+        return rows
