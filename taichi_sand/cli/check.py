@@ -13,7 +13,7 @@ from taichi_sand.errors import PhysicsError
 from taichi_sand.scene import loading
 
 SceneNames = Annotated[
-    list[str] | None, typer.Argument(metavar="[SCENE]...", help="Paths or bundled names; all bundled scenes with checks if none is given.")
+    list[str] | None, typer.Argument(metavar="SCENE", help="Paths or bundled names; all bundled scenes with checks if none is given.")
 ]
 
 
@@ -24,7 +24,7 @@ def check(
     arch: Arch = "cpu",
     threads: Threads = None,
 ) -> None:
-    """Simulates scenes and holds them to their [[checks]]: a row each, exit status 1 if one fails."""
+    """Simulates scenes and holds them to their tables `checks`: a row each, exit status 1 if one fails."""
     with in_one_sentence():
         loaded = [(name, taichi_sand.load(name, overrides or ())) for name in scenes or loading.bundled()]
         asked = [(name, scene) for name, scene in loaded if scenes or scene.checks]
@@ -41,9 +41,8 @@ def check(
         else:
             table = Table("scene", "observable", "at", "found", "must be", "", box=None)
             for row in rows:
-                limits = f"{row.low:.4g} … {row.high:.4g}"
                 verdict = "[green]passed[/]" if row.passed else "[bold red]FAILED[/]"
-                table.add_row(row.scene, row.observable, f"{row.at:.4g} s", f"{row.value:.4g}", limits, verdict)
+                table.add_row(row.scene, row.observable, f"{row.at:.4g} s", f"{row.value:.4g}", row.limits, verdict)
             printing.console(140).print(table)
         failed = [f"{row.scene}: {row.observable} = {row.value:.4g}" for row in rows if not row.passed]
         if failed:

@@ -29,6 +29,13 @@ class Row:
         """Whether the value lies within its range."""
         return self.low <= self.value <= self.high
 
+    @property
+    def limits(self) -> str:
+        """Its range, in words."""
+        if math.isinf(self.low):
+            return f"at most {self.high:.4g}"
+        return f"at least {self.low:.4g}" if math.isinf(self.high) else f"{self.low:.4g} … {self.high:.4g}"
+
     def to_dict(self) -> dict[str, Any]:
         """For JSON, which knows no NaN: null."""
         found = {**vars(self), "passed": self.passed}
@@ -47,7 +54,7 @@ def observe(sim: Simulation, observable: str) -> float:
     found = numbers(sim.report())
     if observable not in found:
         known = [*MEASURES, *found]
-        raise SandError(f"checks: observable = {show(observable)} is no number of this scene{suggest(observable, known)}", "checks")
+        raise sim.scene.error("checks", f"observable = {show(observable)} is no number of this scene{suggest(observable, known)}")
     return found[observable]
 
 
@@ -72,10 +79,9 @@ def check(
         for wanted in scene.checks:
             observe(sim, wanted.observable)
         rows, end = [], max(when(scene, wanted) for wanted in scene.checks)
+        told = None if progress is None else lambda _: progress(min(1.0, sim.time / end))
         for wanted in sorted(scene.checks, key=lambda one: when(scene, one)):
-            start = sim.time
-            share = (lambda done, at=start: progress((at + done * (when(scene, wanted) - at)) / (end or 1.0))) if progress else None
-            sim.advance_to(when(scene, wanted), progress=share)
+            sim.advance_to(when(scene, wanted), progress=told)
             low = -math.inf if wanted.low is None else wanted.low
             high = math.inf if wanted.high is None else wanted.high
             rows.append(Row(name, wanted.observable, sim.time, observe(sim, wanted.observable), low, high))

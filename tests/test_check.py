@@ -1,0 +1,76 @@
+"""[[checks]] of scenes, and the command that holds scenes to them."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import taichi_sand as sand
+from taichi_sand.cli.main import app
+
+SCENE = """size = [0.2, 0.2]
+duration = 0.5
+[[grains]]
+radius = 0.01
+density = 1000.0
+count = 10
+"""
+WEIGHT = 10 * 1000.0 * 3.14159265 * 0.01**2 * 9.81
+FLOOR = f"""[[checks]]
+observable = "floor_force_N"
+low = {0.99 * WEIGHT}
+high = {1.01 * WEIGHT}
+"""
+FALLING = f"""[[checks]]
+observable = "momentum_Ns_y"
+high = {-0.5 * WEIGHT * 0.02}
+at = 0.02
+"""
+
+
+def checked(folder: Path, *checks: str) -> tuple[int, list[dict]]:
+    """Exit status and rows of the command for the scene with these checks."""
+    (folder / "scene.toml").write_text(SCENE + "".join(checks))
+    done = CliRunner().invoke(app, ["check", str(folder / "scene.toml"), "--json", "--threads", "1"])
+    return done.exit_code, json.loads(done.stdout) if done.exit_code < 2 else [done.stderr]
+
+
+def test_what_a_scene_must_show(tmp_path: Path) -> None:
+    """In the order of their times, at the step nearest to each; one that fails is exit status 1."""
+    code, rows = checked(tmp_path, FLOOR, FALLING)
+    assert code == 0 and [row["observable"] for row in rows] == ["momentum_Ns_y", "floor_force_N"]
+    assert [row["at"] for row in rows] == pytest.approx([0.02, 0.5], abs=3e-3)
+    assert all(row["passed"] for row in rows)
+    code, rows = checked(tmp_path, FLOOR, '[[checks]]\nobservable = "grains"\nlow = 11\n')
+    assert code == 1 and [row["passed"] for row in rows] == [True, False]
+
+
+def test_a_number_that_is_not_there_is_no_number() -> None:
+    """A heap that is none has no angle: that fails, whatever the range."""
+    scene = sand.Scene(size=[0.2, 0.2], duration=0.0, checks=[{"observable": "repose_angle", "low": -1e9, "high": 1e9}])
+    from taichi_sand.study.check.check import check
+
+    [row] = check("none", scene, threads=1)
+    assert not row.passed and row.to_dict()["value"] is None
+
+
+@pytest.mark.parametrize(
+    ("check", "said"),
+    [
+        ('observable = "floor_forze_N"\nlow = 1', "did you mean `floor_force_N`?"),
+        ('observable = "grains"', "checks[0] needs `low` or `high`"),
+        ('observable = "grains"\nlow = 2\nhigh = 1', "checks[0].high = 1 must be at least `low` = 2"),
+        ('observable = "grains"\nlow = 2\nat = "soon"', 'checks[0].at = "soon" must be a time in seconds, or "end"'),
+        ('observable = "grains"\nlow = 2\nat = -1.0', 'must be a time in seconds, or "end"'),
+        ("low = 2", "checks[0].observable"),
+    ],
+)
+def test_wrong_checks(check: str, said: str, tmp_path: Path) -> None:
+    code, [text] = checked(tmp_path, f"[[checks]]\n{check}\n")
+    assert code == 2 and said in text and text.count("\n") == 1
+
+
+def test_a_scene_without_checks(tmp_path: Path) -> None:
+    code, [text] = checked(tmp_path)
+    assert code == 2 and "has no [[checks]]" in text
