@@ -273,6 +273,46 @@ def test_room_grows_and_effects_come_to_the_same_bits() -> None:
     assert steer(100) == few
 
 
+SHELF = [[2 * R, 6 * R], [14 * R, 6 * R]]
+PROPELLER = {"points": [[6 * R, 20 * R], [10 * R, 20 * R]], "spin": 3.0}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_walls_start_stop_and_go(kind: str, tmp_path: Path) -> None:
+    """A shelf on which grains rest is lifted, moved along, stopped and taken away; another wall that turns goes on all the while; resumed
+    on the way to the same bits.
+    """
+    fresh_taichi()
+    rows = [[(3 + 2 * k) * R, 7 * R] for k in range(4)]
+    sim = sand.Simulation(scene_of(kind, grains=[{"radius": R, "density": RHO, "positions": rows}], walls=[{"points": SHELF}]), threads=1)
+    sim.advance(0.2)
+    before, start = sim.positions, sim.time
+    sim.set_walls([{"points": SHELF, "velocity": [0.0, 0.1]}, PROPELLER])
+    sim.advance(0.2)
+    t = sim.time - start
+    assert sim.positions - before == pytest.approx(np.tile([0.0, 0.1 * t], (4, 1)), abs=2e-2 * R)
+    assert sim.wall_points[0] == pytest.approx(np.array(SHELF) + np.array([0.0, 0.1 * t]), abs=1e-6)
+    sim.save(tmp_path / "lifted.npz")
+    sim.advance(0.1)
+    lifted = digest(sim)
+    sim.set_walls([{"points": sim.wall_points[0], "velocity": [0.15, 0.0]}, PROPELLER])
+    sim.advance(0.04)  # discs that a floor sets rolling come to a third of its speed
+    assert sim.velocities[:, 0] == pytest.approx(0.05, rel=0.05)
+    sim.set_walls([PROPELLER, {"points": sim.wall_points[0]}])
+    sim.advance(0.1)
+    assert sim.wall_points[0][1] == pytest.approx(
+        R * np.array([8 + 2 * math.cos(3 * sim.time - 0.6), 20 + 2 * math.sin(3 * sim.time - 0.6)]), abs=0.01 * R
+    )
+    with pytest.raises(sand.SandError, match=r"walls\[0\]"):
+        sim.set_walls([{"points": SHELF, "velocity": [0.0, "up"]}])
+    sim.set_walls([])
+    assert sim.advance_until("rest", at_most=5.0)
+    assert weights(sim) == pytest.approx(4, rel=2e-3) and sim.flags() == []
+    again = sand.Simulation.resume(tmp_path / "lifted.npz", threads=1)
+    again.advance(0.1)
+    assert digest(again) == lifted
+
+
 def test_a_recorder_that_is_running_sees_it_all(sim: sand.Simulation, tmp_path: Path) -> None:
     """Frames have the grains of their moments, and the ids that they have."""
     hoomd = pytest.importorskip("gsd.hoomd", reason="the extra `data` is not installed")

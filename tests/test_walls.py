@@ -99,11 +99,16 @@ def test_moving_walls_in_checkpoints_and_threads(tmp_path: Path) -> None:
     resumed = sand.Simulation.resume(tmp_path / "half.npz", threads=2)
     resumed.advance(0.5)
     assert digest(resumed) == expected
-    with pytest.raises(SandError, match="those that move must stay as they are"):
-        resumed.set_walls([TURNING])
+    places = standing_walls(resumed.world, resumed.scene)
     resumed.set_walls([TURNING, PRESS, {"points": [[0.3, 0.2], [0.35, 0.2]]}, SHAKEN])
+    assert [points.tolist() for points in (resumed.wall_points[k] for k in (0, 1, 3))] == [points.tolist() for points in places]
     resumed.advance(0.1)
     assert resumed.flags() == [] and len(standing_walls(resumed.world, resumed.scene)) == 4
+    resumed.set_walls([TURNING])  # the others go, it turns on
+    resumed.advance(0.1)
+    angle = 2.0 * resumed.time
+    assert resumed.wall_points[0][0] == pytest.approx(0.2 + 0.18 * np.array([np.sin(angle), -np.cos(angle)]), abs=1e-6)
+    assert resumed.flags() == []
 
 
 def test_walls_too_fast_are_refused() -> None:

@@ -14,6 +14,8 @@ from taichi_sand.world.search.growth import NO_ROOMS, Rooms, Sizes, sizes_of
 from taichi_sand.world.search.neighbour_list import list_again
 from taichi_sand.world.sleep.wake import clear_stale_rows_now
 from taichi_sand.world.tables import World, round_up
+from taichi_sand.world.walls.build import change_walls, movers_fit
+from taichi_sand.world.walls.motion import clocks_of
 
 STARTS = ("row_start", "wall_row_start")
 """Columns that hold rows of the neighbour list."""
@@ -66,6 +68,7 @@ class Growing:
     bed: Any
     clock: Clock
     scene: Scene
+    first_walls: Any
     returning: Any
     _lay: Any
     _fields: Any
@@ -100,6 +103,16 @@ class Growing:
         if rooms != rooms_of(self.world):
             self._lay_again(rooms)
 
+    def _move_walls(self, scene: Scene) -> None:
+        """Has the walls of `scene`, others of which move."""
+        clocks = clocks_of(self.world.movers)
+        with self.clock.stage("compile"):
+            if not movers_fit(self.world, scene):
+                self.first_walls = scene.walls
+                self._lay_again(rooms_of(self.world), (".0.walls", ".0.movers"))
+                stepping.warm(self.world, self.solver)
+        change_walls(self.world, self.scene, scene, clocks)
+
     def _become(self, scene: Scene) -> None:
         """Goes on as `scene`, which has effects more: with tables and kernels of another structure, and all there is in them."""
         with self.clock.stage("compile"):
@@ -107,8 +120,10 @@ class Growing:
             self._lay_again(rooms_of(self.world))
             stepping.warm(self.world, self.solver)
 
-    def _lay_again(self, rooms: Rooms) -> None:
-        """Makes world, solver and effects anew, with this room at least; what is in tables that there were goes into those there are."""
+    def _lay_again(self, rooms: Rooms, new: tuple[str, ...] = ()) -> None:
+        """Makes world, solver and effects anew, with this room at least; what is in tables that there were goes into those there are, but
+        for those whose names begin with `new`.
+        """
         kept = {name: self.__dict__[name] for name in ("bed", "numbers")}
         before, sizes = self._named_fields(), self.sizes_with(rooms_of(self.world))
         self.rooms = rooms
@@ -116,7 +131,7 @@ class Growing:
         self.returning = field_pool.borrow(self, lambda: self._lay(self.planned, self.hand is not None), keep=not runtime.on_gpu())
         self.__dict__.update(kept)
         for name, field in self._named_fields().items():
-            if name in before:
+            if name in before and not name.startswith(new):
                 write_field(field, read_field(before[name]), name, sizes, self.sizes_with(self.rooms))
         give_back()
 

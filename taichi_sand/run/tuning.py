@@ -10,10 +10,19 @@ from taichi_sand.errors import SandError
 from taichi_sand.run import live
 from taichi_sand.run.entry import changes, reads
 from taichi_sand.scene.schema import Scene
+from taichi_sand.solvers import choose
 from taichi_sand.solvers.bed import Bed, height_of
 from taichi_sand.world.extras.wetness import pour
 from taichi_sand.world.sleep.fall_asleep import wake
-from taichi_sand.world.walls.build import change_walls
+from taichi_sand.world.walls.build import (
+    change_walls,
+    check_speeds,
+    fastest_wall,
+    moving_walls,
+    shortest_shake,
+    standing_walls,
+    wall_loads,
+)
 
 
 class Tuning:
@@ -23,8 +32,12 @@ class Tuning:
     over: dict[str, float]
     bed: Bed
     world: Any
+    planned: Any
     renew: Any
+    fit_tables: Any
     _adopt: Any
+    _move_walls: Any
+    _go_on_with: Any
 
     @reads
     def get(self, key: str) -> Any:
@@ -79,15 +92,35 @@ class Tuning:
 
     @changes
     def set_walls(self, walls: Sequence[Any]) -> None:
-        """Goes on with these `[[walls]]`, a table each as in a scene file, in the place of those there are.
+        """Goes on with these `[[walls]]`, a table each as in a scene file, in the place of those there are. One that moves sets out from
+        its points now; one whose table is that of a wall that moves already goes on with it. Where none has moved so far, or none
+        with a `force`, some seconds are spent on compiling.
 
         Raises:
-            SandError: a table is wrong, or there is no room for them (with `hand` there is room for many); then nothing has changed.
+            SandError: a table is wrong, a wall is too fast to be followed, or there is no room for them (with `hand` there is room for
+                many); then nothing has changed.
         """
         scene = self.scene.with_walls(walls)
-        change_walls(self.world, self.scene, scene)
+        if moving_walls(scene) == moving_walls(self.scene):
+            change_walls(self.world, self.scene, scene)
+            self.scene = scene
+            self.renew()
+            return
+        drive = max([fastest_wall(scene), *(float(np.hypot(*source.velocity)) for source in scene.sources)])
+        speeds = {name: max(drive, getattr(self.bed, name)) for name in ("speed", "fast")}
+        bed = replace(self.bed, drive=drive, shaking=shortest_shake(scene), **speeds, **wall_loads(scene, self.planned))
+        check_speeds(scene, choose(scene.solver.kind).numbers(scene, bed)["speed_cap"])
+        wake(self.world)
+        self.fit_tables()
+        self._move_walls(scene)
         self.scene = scene
-        self.renew()
+        self._go_on_with(bed)
+
+    @property
+    @reads
+    def wall_points(self) -> list[np.ndarray]:
+        """Corners of every one of the `[[walls]]` where it is now [m], (n, 2) each, of a closed one the first again at the end."""
+        return standing_walls(self.world, self.scene)
 
     @changes
     def wet(self, x: float, y: float, radius: float, amount: float) -> int:

@@ -8,6 +8,11 @@ from typing import Any
 import numpy as np
 
 
+def motion(wall: Any) -> dict[str, Any]:
+    """The keys that say where it is at a time."""
+    return {name: value for name, value in wall.model_dump().items() if name != "friction"}
+
+
 def moves(wall: Any) -> bool:
     """Whether the wall ever moves."""
     return wall.shake is not None or wall.spin != 0 or any(wall.velocity)

@@ -228,7 +228,8 @@ def site_rows(sites: tuple[int, int]) -> int:
 def write_rows(field: Any, values: np.ndarray) -> None:
     """The first rows of a field; zeros behind."""
     whole = np.zeros_like(field.to_numpy())
-    whole[: len(values)] = values
+    if len(values):
+        whole[: len(values)] = values
     field.from_numpy(whole)
 
 

@@ -13,7 +13,7 @@ from taichi_sand.world.search.neighbour_list import MOST_REACH
 from taichi_sand.world.sleep.fall_asleep import wake
 from taichi_sand.world.tables import World, write_rows
 from taichi_sand.world.walls.joints import Part, join
-from taichi_sand.world.walls.motion import BLUR, JAMMED, TOLERANCES, Movers, allocate_movers, constants, hours, set_out
+from taichi_sand.world.walls.motion import BLUR, JAMMED, TOLERANCES, Movers, allocate_movers, clocks_of, constants, go_on, hours, set_out
 from taichi_sand.world.walls.polylines import Frame, clipped
 from taichi_sand.world.walls.segments import COLUMNS, build_walls, cast_parts, edge_parts, fits, part_room, renumber, write_walls
 
@@ -169,15 +169,24 @@ def tables_of(world: World, scene: Any) -> dict[str, np.ndarray]:
     return tables
 
 
-def change_walls(world: World, before: Any, after: Any) -> None:
+def movers_fit(world: World, scene: Any) -> bool:
+    """Whether the tables of `world` have room for the walls of `scene` that move."""
+    found = moving_walls(scene)
+    if not world.moves:
+        return not found
+    parts = sum(part.mover >= 0 for part in wall_parts(scene, world.box[None].least))
+    room = len(found) < world.movers.twist.shape[0] and parts <= world.movers.part.shape[0]
+    return room and (world.movers.driven or not any(wall.force for wall in found))
+
+
+def change_walls(world: World, before: Any, after: Any, clocks: dict[str, np.ndarray] | None = None) -> None:
     """Puts the walls of scene `after` in the place of those of `before`, for the next list build; SandError if there is no room for them.
 
-    What grains carry on parts that stay is remembered.
+    What grains carry on parts that stay is remembered, and walls that move as they did go on from their `clocks`, those there are unless
+    they are given.
     """
     old, new = (wall_parts(scene, world.box[None].least) for scene in (before, after))
     entries = entries_of(world, new)
-    if moving_walls(before) != moving_walls(after):
-        raise after.error("walls", "those that move must stay as they are while it runs")
     if not fits(world.walls, new, entries):
         rough = any(part.friction >= 0 for part in new) and not world.walls.rough
         text = "friction of its own must be there from the start" if rough else "there is no room for so many walls in this simulation"
@@ -191,5 +200,7 @@ def change_walls(world: World, before: Any, after: Any) -> None:
     world.pairs.second.from_numpy(rows)
     write_walls(world.walls, new, entries)
     if world.moves:
+        go_on(world.movers, moving_walls(before), moving_walls(after), clocks_of(world.movers) if clocks is None else clocks)
         write_parts(world.movers, new)
+        set_patience(world, after)
     world.pace[None].spent = 1

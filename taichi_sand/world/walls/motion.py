@@ -27,6 +27,8 @@ LASTS = 4.0
 """What bears against a wall is kept in mind for so many times as long: in a wedge the ends are pressed by turns."""
 
 
+CLOCKS = ("age", "since", "rate", "onward", "strain", "brace")
+"""Columns that change as a wall goes on, and follow from nothing else."""
 SCALARS = ("lever", "force", "mass", "speed", "since", "rate", "onward", "phase", "press", "brace", "strain")
 
 
@@ -128,6 +130,29 @@ def set_out(movers: Movers, walls: Sequence[Any]) -> None:
         write_rows(getattr(movers, name), values)
     movers.walls[None] = len(walls)
     movers.first[None] = -1
+
+
+def clocks_of(movers: Movers | None) -> dict[str, np.ndarray]:
+    """What goes on with each moving wall, a row each; nothing without any."""
+    return {name: getattr(movers, name).to_numpy()[: movers.walls[None]] for name in CLOCKS} if movers else {}
+
+
+def go_on(movers: Movers, before: Sequence[Any], after: Sequence[Any], clocks: dict[str, np.ndarray]) -> None:
+    """The moving [[walls]] `after` take the place of those `before` with these clocks: what moves as it did goes on, others set out."""
+    set_out(movers, after)
+    left = dict(enumerate(map(moving.motion, before)))
+    columns = {name: getattr(movers, name).to_numpy() for name in CLOCKS}
+    for name in CLOCKS:
+        if name not in ("rate", "onward"):
+            columns[name][:] = 0
+    for row, wall in enumerate(after):
+        same = next((number for number, other in left.items() if other == moving.motion(wall)), None)
+        if same is not None:
+            del left[same]
+            for name, values in columns.items():
+                values[row] = clocks[name][same]
+    for name, values in columns.items():
+        getattr(movers, name).from_numpy(values)
 
 
 def hours(movers: Movers) -> np.ndarray:
