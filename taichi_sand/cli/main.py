@@ -10,7 +10,7 @@ import typer.core
 
 import taichi_sand
 from taichi_sand import effects
-from taichi_sand.cli import check, leaving, printing, study, sweep
+from taichi_sand.cli import check, leaving, printing, study, sweep, warm
 from taichi_sand.cli.export import Outputs
 from taichi_sand.cli.leaving import in_one_sentence
 from taichi_sand.cli.options import Arch, Effects, Overrides, Precision, SceneName, Seconds, Threads, check_seconds, progress_bar
@@ -235,6 +235,7 @@ def _resume(file: Path, scene: str | None, overrides: list[str], own: list[Path]
 check.register(app)
 study.register(app)
 sweep.register(app)
+warm.register(app)
 
 
 def main() -> None:
