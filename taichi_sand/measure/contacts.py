@@ -119,6 +119,21 @@ def normal_of_force(w: ti.template(), s: ti.template(), p, distance, normal, wal
     return found
 
 
+def notes(solver: Any) -> bool:
+    """Whether contacts pass on more in a step than the force that they carry at its end: see solvers.noting."""
+    return hasattr(solver, "passed")
+
+
+@ti.func
+def push_of(w: ti.template(), s: ti.template(), p):
+    """What pair p has passed on in the last step: normal and tangential force [N], by the normal that its force goes with."""
+    push = w.pairs.force[p]
+    if ti.static(notes(s)):
+        if w.pace[None].noted == 1:
+            push += ti.Vector([s.passed[0][p], s.passed[1][p]])
+    return push
+
+
 @ti.func
 def point_of(w: ti.template(), p, gap, normal, wall: ti.template(), real: ti.template()):
     """Where pair p touches: in the middle of the overlap, or on the wall; in the box where that is periodic [m]."""
@@ -169,7 +184,7 @@ def find(
     alive = w.grains.id[i] >= 0 and w.grains.id[j] >= 0
     if alive and (ti.static(wall) or i != j):  # a row that only fills up a lane holds one grain twice
         gap, normal = gap_now(w, p, wall)
-        force = w.pairs.force[p]
+        force = push_of(w, s, p)
         if every != 0 or (gap < 0.0 or force.x != 0.0 or force.y != 0.0 or remembered(s, "bridge", p) > 0.0):
             k = ti.atomic_add(many[0], 1)
             one, two = w.grains.id[i], w.grains.id[j]
@@ -247,9 +262,9 @@ def write(
 ):
     """Writes contact m: row k of those found, of pair p."""
     distance, normal = distance_to_second(w, p, w.pairs.first[p], wall)
-    gap, force = distance - radii(w, p, wall), w.pairs.force[p]
+    gap = distance - radii(w, p, wall)
     point = point_of(w, p, gap, normal, wall, real)
-    along = normal_of_force(w, s, p, distance, normal, wall)
+    along, force = normal_of_force(w, s, p, distance, normal, wall), push_of(w, s, p)
     couple = remembered(s, "torque", p)
     if w.grains.id[w.pairs.first[p]] != lists[1, k]:
         along, couple = -along, -couple

@@ -115,6 +115,7 @@ def steps_in_one(w: ti.template(), s: ti.template(), steps: ti.i32, most: ti.i32
                 end = w.pace[None].done
                 why = EARLY
             if going_on(w, end) and not called(w) and w.pace[None].lacking == 0:
+                w.pace[None].noted = ti.cast(w.pace[None].done + 1 == end, ti.i32)
                 s.step(w, s, True)
                 close_step(w)
                 if ti.static(len(step_effects(s)) > 0):
@@ -221,6 +222,8 @@ def march_alone(sim: Any, done: int, end: int) -> None:
             continue
         if done == end or hasty or (done > before and time.perf_counter() - start > LAUNCH):
             break
+        left = end - done
+        sim.world.pace.get_member_field("noted")[None] = int(left == 1)
         calms, impacts = may_be_calm(sim.world, sim.solver), sim.world.pace.get_member_field("impacts")
-        for _ in range(min(BATCH, end - done, every - done % every if every else BATCH)):
+        for _ in range(min(BATCH, max(1, left - 1), every - done % every if every else BATCH)):
             step_alone(sim.world, sim.solver, not calms or bool(impacts[None]))

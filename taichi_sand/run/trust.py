@@ -144,7 +144,7 @@ INDICES: dict[str, tuple[Bound, Bound] | str] = {
     "sleep.state:moved": FLAG,
     "sleep.state:due": FLAG,
     "sleep.state:seen": (0, LATEST),
-    **{f"pace:{name}": FLAG for name in ("strayed", "spent", "impacts", "warm_start", "hit", "half", "short", "hasty", "moved")},
+    **{f"pace:{name}": FLAG for name in ("strayed", "spent", "impacts", "warm_start", "hit", "half", "short", "hasty", "moved", "noted")},
     **{f"pace:{name}": (0, LATEST) for name in ("since", "done", "list_builds", "round")},
     "pace:lacking": SAME,
     "pace:on_step": ("least_pause", "most_pause"),

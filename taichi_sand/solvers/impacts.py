@@ -17,9 +17,10 @@ from taichi_sand.solvers.impulses import (
     tangential_mass,
     update_contact,
 )
+from taichi_sand.solvers.noting import WIPE, note, noting
 from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.extras.energy_ledger import drive, settle_work
-from taichi_sand.world.geometry import add, at_least, at_most, movable, within, wrench
+from taichi_sand.world.geometry import add, at_least, at_most, movable, perp, within, wrench
 from taichi_sand.world.search.large_grains import is_boulder
 from taichi_sand.world.sweep import nothing, sweep
 from taichi_sand.world.walls.servo import along_course, apart, driver, drives, each_driven, hit_by
@@ -169,7 +170,10 @@ def answer(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.tem
                             time = 0.0
                         time = at_most(w.grains.radius[i] / (run * one + 1e-30), at_most(w.grains.radius[j] / (run * two + 1e-30), time))
                     if afar:
-                        move_on(w, i, j, normal, motion, pull, time, c.step, one, two, wall)
+                        gain = move_on(w, i, j, normal, motion, pull, time, c.step, one, two, wall)
+                        if noting(w):
+                            give = w.grains.mobility[i].x + (0.0 if ti.static(wall) else w.grains.mobility[j].x)
+                            note(w, s, p, c.rate / give * gain)
                     mark(w, s, i, afar)
                     if ti.static(not wall):
                         mark(w, s, j, afar)
@@ -188,6 +192,8 @@ def bounce(
         bound = friction_bound(w, s, c, p, wall, impulse.x)
         impulse.y = within(bound, -tangential_mass(w, i, j, arm_i, arm_j, wall) * slip)
     give(w, s, i, j, impulse, normal, arm_i, arm_j, lever, False, wall)
+    if noting(w):
+        note(w, s, p, c.rate * (impulse.x * normal + impulse.y * perp(normal)))
     drive(w, s, p, gap + w.pairs.contact_distance[p], normal, impulse, wall)
     min_normal_impulse(w, s, c, p, 0.0, 0.0)  # they touch
     w.pace[None].hit = 1
@@ -278,7 +284,7 @@ def close_round(w: ti.template()):
 @ti.func
 def collide_all(w: ti.template(), s: ti.template(), c: ti.template()):
     """Rounds of impacts, one after the other, until there are none left or the rounds are used up."""
-    sweep(w, (foresee,), nothing, s, c, colliding)
+    sweep(w, (WIPE, foresee), nothing, s, c, colliding)
     close_round(w)
     if ti.static(w.layout == "one"):
         for _round in range(ti.static(rounds(w)) + 1):  # in the last one pairs only follow

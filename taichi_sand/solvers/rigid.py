@@ -20,6 +20,7 @@ from taichi_sand.solvers.impulses import (
     store_impulse,
     update_contact,
 )
+from taichi_sand.solvers.noting import AFTER, BEFORE, WIPE, WIPE_UNLESS_HIT
 from taichi_sand.solvers.projection import OVER_RELAXATION, project, touches
 from taichi_sand.solvers.tolerance import rigid_numbers
 from taichi_sand.taichi_support import field_pool
@@ -33,7 +34,7 @@ from taichi_sand.world.walls.motion import place_walls
 from taichi_sand.world.walls.servo import along_course, apart, bear, drives, nobody
 from taichi_sand.world.walls.wedge import feel, holds
 
-MEMORY = 1
+MEMORY = 3
 UNLOADED = 3.0
 """A moving wall feels at least a third of the overlap that its force would make without the reference: by the overlap alone it would go on
 for as long as the reference takes the load over, up to six times the force that stops it when it presses fast."""
@@ -63,6 +64,7 @@ class Rigid:
     constants: Any  # 0-D field of constants_type
     reference: Any  # column of the neighbour list: slow reference of the normal force [N]
     struck: Any  # of a grain: twice the last round of impacts of this step in which it was hit, plus 1 if they moved it; 0 = none, i32
+    passed: tuple  # columns of the neighbour list: x, y of what a pair passed on in the last step beside its force, see solvers.noting [N]
     near: Any  # of a grain: twice the last round in which it may have got pairs of a grain that was hit
     effects: tuple
     step: Any  # ti.func of one step
@@ -129,6 +131,11 @@ def keep(w: ti.template(), s: ti.template(), c: ti.template(), p, carried, wall:
             stiffness = c.bias_rate * c.rate * c.mass_scale / c.impulse_scale * pairs.mass[p]
             felt = at_least(-gap, (s.reference[p] / stiffness - gap) / UNLOADED)
     feel(w, s, c, p, gap + pairs.contact_distance[p], pairs.normal[p], carried * c.rate, felt, wall)
+
+
+SOLVE, SOLVE_AFTER_IMPACTS = (WIPE, solve), (WIPE_UNLESS_HIT, solve)
+FOLLOW = (BEFORE, update_contact, AFTER)
+FOLLOW_AND_RELAX = (*FOLLOW, relax)
 
 
 @ti.func
@@ -206,23 +213,24 @@ def step(w: ti.template(), s: ti.template(), impacts: ti.template()):
             w.pace[None].moved = 0
         each_grain(w, kick, s, c)
         collide_all(w, s, c)
+    first = ti.static(SOLVE_AFTER_IMPACTS if impacts else SOLVE)
     if ti.static(sweeps_join(w)):
-        sweep_twice(w, warm_start if ti.static(impacts) else kick, (solve,), move, (update_contact, relax), s, going)
+        sweep_twice(w, warm_start if ti.static(impacts) else kick, first, move, FOLLOW_AND_RELAX, s, going)
     else:
         each_grain(w, warm_start if ti.static(impacts) else kick, s, c)
         if ti.static(drives(w)):
-            sweep(w, (solve,), nothing, s, c, going)
+            sweep(w, first, nothing, s, c, going)
             bear(w, s, press_softly, solve_driven, nobody, True)
             each_grain(w, move, s, c)
         else:
-            sweep(w, (solve,), move, s, c, going)
+            sweep(w, first, move, s, c, going)
         if ti.static(w.moves):
             place_walls(w, 1.0, 0.5)
         if ti.static(w.layout == "cells"):
-            each_pair(w, update_contact, s, c, going)
+            each_pair(w, FOLLOW, s, c, going)
             sweep(w, (relax,), nothing, s, c, going)
         else:
-            sweep(w, (update_contact, relax), nothing, s, c, going)
+            sweep(w, FOLLOW_AND_RELAX, nothing, s, c, going)
         if ti.static(drives(w)):
             bear(w, s, press_hard, relax_driven, keep_driven, False)
 
@@ -236,4 +244,4 @@ def build(scene: Any, values: dict[str, float], live: dict[str, float], own: lis
     """The solver for a world; `own` holds the columns of the neighbour list that MEMORY asked for, `live` the effects' live parameters."""
     constants = fill_struct(constants_type(world.real, live), {**values, **live})
     struck, near = field_pool.scalars(ti.i32, world.capacity), field_pool.scalars(ti.i32, world.capacity)
-    return Rigid(constants, own[0], struck, near, effects, step, renew, any(hasattr(effect, "heat") for effect in effects))
+    return Rigid(constants, own[0], struck, tuple(own[1:]), near, effects, step, renew, any(hasattr(effect, "heat") for effect in effects))

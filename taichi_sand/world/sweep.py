@@ -9,6 +9,7 @@ of it waiting for memory: the cells of a colour are worked on at once, but the p
 long whatever the number of grains, up to some 100000.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import taichi as ti
@@ -20,6 +21,28 @@ from taichi_sand.world.tables import CHUNK, STRIPS
 CELL_COLOURS = 6
 CELL_THREADS = 32
 """Threads of a group on a GPU, where each has a cell: small groups spread over all of it, and a thread mostly waits for memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sometimes:
+    """A pair function of a sweep that is left out of it unless when(w): that is found out once a block."""
+
+    pair: Any
+    when: Any
+
+
+def whole(one: Any) -> Any:
+    """The pair function itself."""
+    return one.pair if isinstance(one, Sometimes) else one
+
+
+@ti.func
+def wanted(w: ti.template(), one: ti.template()):
+    """Whether pair function `one` of a sweep is to be called."""
+    due = True
+    if ti.static(isinstance(one, Sometimes)):
+        due = one.when(w)
+    return due
 
 
 @ti.func
@@ -46,8 +69,9 @@ def each_of_block(w: ti.template(), b, one: ti.template(), wall: ti.template(), 
 def sweep_block(w: ti.template(), b, pair: ti.template(), s: ti.template(), c: ti.template()):
     """pair(w, s, c, row, wall) on all pairs that belong to block b; of several functions one after the other."""
     for one in ti.static(pair):
-        for wall in ti.static((False, True)):
-            each_of_block(w, b, one, wall, s, c)
+        if wanted(w, one):
+            for wall in ti.static((False, True)):
+                each_of_block(w, b, ti.static(whole(one)), wall, s, c)
 
 
 @noinline
@@ -65,8 +89,9 @@ def run_block(w: ti.template(), b, pair: ti.template(), s: ti.template(), c: ti.
     """
     if ti.static(isinstance(pair, tuple)):
         for one in ti.static(pair):
-            for wall in ti.static((False, True)):
-                run_pairs(w, s, one, wall, b, c.step)
+            if wanted(w, one):
+                for wall in ti.static((False, True)):
+                    run_pairs(w, s, ti.static(whole(one)), wall, b, c.step)
     else:
         pair(w, s, c, b)
 
@@ -262,12 +287,12 @@ def every_pair(w: ti.template(), pair: ti.template(), s: ti.template(), c: ti.te
 
 @ti.func
 def each_pair(w: ti.template(), pair: ti.template(), s: ti.template(), c: ti.template(), when: ti.template()):
-    """pair(w, s, c, row, wall), which writes to nothing but its row, on all pairs but those among sleepers, if when(w): in cells, which
-    need no colours for that.
+    """The functions pair = (f, …), f(w, s, c, row, wall), which write to nothing but their row, on all pairs but those among sleepers, if
+    when(w): in cells, which need no colours for that.
     """
     for b in range(w.blocks.pair_start.shape[0]):
         if b < block_count(w) - ti.static(int(w.sleeps)) and when(w):
-            sweep_block(w, b, (pair,), s, c)
+            sweep_block(w, b, pair, s, c)
 
 
 @ti.func

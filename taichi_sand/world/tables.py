@@ -174,6 +174,7 @@ def pace_type(real: Any) -> Any:
         moved=ti.i32,  # rigid: 1 = impacts of this step have moved grains ahead
         round=ti.i32,  # rigid: the round of impacts in this step, from 1 on
         done=ti.i32,  # steps since the start
+        noted=ti.i32,  # 1 = in this step, the last of a march, pairs note all that they pass on; rigid
         on_step=ti.i32,  # steps between two looks of the effects that watch the grains; 0 = none does
         half=ti.i32,  # which half of the neighbour list is in use, 0 or 1
         list_builds=ti.i32,  # neighbour-list builds since the start
