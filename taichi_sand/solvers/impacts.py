@@ -9,6 +9,7 @@ from taichi_sand.solvers.impulses import (
     arms,
     friction_bound,
     give,
+    is_held,
     load_of,
     meeting,
     min_normal_impulse,
@@ -238,7 +239,7 @@ def carry_over(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti
     j = i if ti.static(wall) else w.pairs.second[p]
     carried = w.pairs.force[p] * c.step
     for turn in range(2):
-        if carried.x != 0.0:
+        if is_held(s, carried):
             sign = 2.0 * turn - 1.0
             first, second = load_of(w, s, c, p, i, j, carried, wall)
             add(w.grains.wrench, i, sign * first)

@@ -1,5 +1,7 @@
 """Levers, speeds, bounds and impulses of a rigid contact, as the solver needs them at one pair."""
 
+from typing import Any
+
 import taichi as ti
 
 from taichi_sand.world.clumps import tilt, torques
@@ -153,6 +155,20 @@ def resist_rolling(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j
             effect.torque[p] = new * c.rate
 
 
+def pulls(solver: Any) -> bool:
+    """Whether any effect can hold grains together."""
+    return any(hasattr(effect, "min_normal_impulse") for effect in solver.effects)
+
+
+@ti.func
+def is_held(s: ti.template(), carried):
+    """Whether a pair carries anything: where bridges pull, friction may hold two grains that do not push one another."""
+    held = carried.x != 0.0
+    if ti.static(pulls(s)):
+        held = held or carried.y != 0.0
+    return held
+
+
 @ti.func
 def load_of(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, carried, wall: ti.template()):
     """Impulses (x, y [N s], torque [N m s], 0) on both grains of pair p that carries this (normal, tangential), and its couples."""
@@ -172,7 +188,7 @@ def load_of(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, carri
 def store_impulse(w: ti.template(), s: ti.template(), c: ti.template(), p, carried, wall: ti.template(), anew: ti.template()):
     """Adds the impulse that pair p carries to what its grains start the next step with; `anew` in every step, once."""
     g = ti.static(w.grains)
-    if carried.x != 0.0:
+    if is_held(s, carried):
         i = w.pairs.first[p]
         j = i if ti.static(wall) else w.pairs.second[p]
         first, second = load_of(w, s, c, p, i, j, carried, wall)

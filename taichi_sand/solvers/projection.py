@@ -3,7 +3,7 @@
 import taichi as ti
 
 from taichi_sand.solvers.flights import flight
-from taichi_sand.solvers.impulses import arms, friction_bound, give, meeting, min_normal_impulse, resist_rolling, slip_by, slip_of
+from taichi_sand.solvers.impulses import arms, friction_bound, give, is_held, meeting, min_normal_impulse, resist_rolling, slip_by, slip_of
 from taichi_sand.world.geometry import at_least, within
 from taichi_sand.world.walls.servo import weightless
 
@@ -38,7 +38,7 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     i, j, normal, gap, motion, lever, speed = meeting(w, p, wall)
     carried = pairs.force[p] * c.step
     low = min_normal_impulse(w, s, c, p, gap, gap + ti.static(0.5 if soft else -0.5) * c.step * speed)
-    held = carried.x != 0.0 or low < 0.0
+    held = is_held(s, carried) or low < 0.0
     due = held or speed * c.step + gap < 0.0
     if ti.static(not soft):  # faster approaches are left to the impacts of the next step
         due = held or (speed * c.step + gap < 0.0 and (speed >= -c.threshold or weightless(w, p, wall)))
