@@ -9,8 +9,8 @@ from taichi_sand.run.entry import reads
 from taichi_sand.solvers.bed import Bed
 from taichi_sand.solvers.tolerance import TOO_SOFT, softness
 from taichi_sand.world import sources
-from taichi_sand.world.build import read_grains
 from taichi_sand.world.flags import sentences
+from taichi_sand.world.reading import read_columns
 from taichi_sand.world.tables import World
 
 TOO_SOFT_TO_FLOW = (
@@ -33,44 +33,44 @@ class Readings:
     step: float
     clock: Clock
 
-    def _grains(self) -> dict[str, np.ndarray]:
-        return read_grains(self.world)
+    def _column(self, name: str) -> np.ndarray:
+        return read_columns(self.world, (name,))[name]
 
     @property
     @reads
     def positions(self) -> np.ndarray:
         """Centres [m], shape (n, 2), in the order in which the scene made the grains, as all that follow."""
-        return self._grains()["position"]
+        return self._column("position")
 
     @property
     @reads
     def velocities(self) -> np.ndarray:
         """[m/s], shape (n, 2)."""
-        return self._grains()["velocity"]
+        return self._column("velocity")
 
     @property
     @reads
     def angles(self) -> np.ndarray:
         """[rad], shape (n,); whole turns are not counted."""
-        return self._grains()["angle"]
+        return self._column("angle")
 
     @property
     @reads
     def spins(self) -> np.ndarray:
         """Angular velocities [rad/s], shape (n,)."""
-        return self._grains()["spin"]
+        return self._column("spin")
 
     @property
     @reads
     def radii(self) -> np.ndarray:
         """[m], shape (n,)."""
-        return self._grains()["radius"].astype(float)
+        return self._column("radius").astype(float)
 
     @property
     @reads
     def ids(self) -> np.ndarray:
         """Ids of the grains still there, shape (n,); the other arrays hold their rows in this order."""
-        return self._grains()["id"]
+        return self._column("id")
 
     @property
     @reads

@@ -15,7 +15,7 @@ from taichi_sand.scene.checks import LARGEST, SMALLEST
 from taichi_sand.scene.schema import MOST_GRAINS, Scene
 from taichi_sand.scene.shapes import BUILT_IN, Form, form, inertia, mass
 from taichi_sand.world import edit
-from taichi_sand.world.build import read_grains
+from taichi_sand.world.reading import read_columns
 from taichi_sand.world.extras.steady_force import exert
 from taichi_sand.world.sleep.fall_asleep import wake
 
@@ -244,16 +244,15 @@ class Steering:
     def _read(self, slots: np.ndarray) -> dict[str, np.ndarray]:
         """What is known of the grains in these slots, in their order."""
         _, numbers = edit.places(self.world)
-        table = read_grains(self.world)
+        table = read_columns(self.world, ("id", "position", "velocity", "angle", "spin", "radius", "kind"))
         rows = np.searchsorted(table["id"], numbers[slots, 0])
-        found = {name: table[name][rows] for name in ("id", "position", "velocity", "angle", "spin", "radius", "kind")}
+        found = {name: values[rows] for name, values in table.items()}
         return found | {"fixed": numbers[slots, 2] == 1}
 
     def _discs(self) -> Discs:
         """Discs of all grains there are."""
         if self.world.clumps:
-            table = read_grains(self.world)
-            return discs_of(self, *(table[name] for name in ("id", "position", "angle", "radius", "kind")))
+            return discs_of(self, *read_columns(self.world, ("id", "position", "angle", "radius", "kind")).values())
         numbers, names = edit.places(self.world)
         return Discs(numbers[:, :2], numbers[:, 2], names[:, 0])
 

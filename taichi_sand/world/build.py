@@ -1,4 +1,4 @@
-"""Makes the World of a scene, and reads its grains back in the order of the scene."""
+"""Makes the World of a scene."""
 
 import math
 from collections.abc import Mapping
@@ -229,21 +229,3 @@ def fill(world: World, pack: Pack) -> None:
     world.count[None] = count
     if world.sleeps:
         start_awake(world.sleep, count)
-
-
-def read_grains(world: World) -> dict[str, np.ndarray]:
-    """Grains present, in the order in which the scene made them: position, velocity, angle, spin, radius, id, … (SI, f64)."""
-    g, count = world.grains, world.count[None]
-    spacing = np.array(world.box[None].spacing.to_list())
-    table = {name: column.to_numpy()[:count] for name, column in g._asdict().items() if column is not None}
-    if world.sleeps:  # sleepers have theirs kept for them
-        awake = world.sleep.state[None].awake
-        table["mobility"][awake:] = world.sleep.mobility.to_numpy()[awake:count]
-    order = np.argsort(table["id"], kind="stable")
-    table = {name: values[order] for name, values in table.items()}
-    exact = {name: table[name].astype(np.float64) for name in ("site", "offset", "shift", "angle", "turn")}
-    table["position"] = (exact["site"] + 0.5) * spacing + exact["offset"] + exact["shift"]
-    table["velocity"] = table["twist"][:, :2].astype(np.float64)
-    table["spin"] = table["twist"][:, 2].astype(np.float64)
-    table["angle"] = exact["angle"] + exact["turn"]
-    return table

@@ -13,6 +13,7 @@ import numpy as np
 from taichi_sand.measure import observe
 from taichi_sand.measure.report import look_at_pairs, motion, packing_fraction
 from taichi_sand.solvers.tolerance import softness
+from taichi_sand.world.reading import read_columns
 
 NAMES = {
     "overlap_mean": "mean overlap / d",
@@ -53,7 +54,7 @@ def gravity_of(sim: Any) -> np.ndarray:
 
 def masses(sim: Any) -> np.ndarray:
     """Masses of the grains that can move [kg], 0 for the others; shape (n,), in the order of the scene."""
-    mobility = sim._grains()["mobility"][:, 0].astype(float)
+    mobility = read_columns(sim.world, ("mobility",))["mobility"][:, 0].astype(float)
     return np.where(mobility > 0, 1 / np.maximum(mobility, 1e-300), 0.0)
 
 
