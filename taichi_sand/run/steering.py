@@ -15,8 +15,8 @@ from taichi_sand.scene.checks import LARGEST, SMALLEST
 from taichi_sand.scene.schema import MOST_GRAINS, Scene
 from taichi_sand.scene.shapes import BUILT_IN, Form, form, inertia, mass
 from taichi_sand.world import edit
-from taichi_sand.world.reading import read_columns
 from taichi_sand.world.extras.steady_force import exert
+from taichi_sand.world.reading import read_columns
 from taichi_sand.world.sleep.fall_asleep import wake
 
 DENSITY = 2650.0
