@@ -96,7 +96,11 @@ def render(
     fps: Annotated[int | None, typer.Option("--fps", help="Frames in a simulated second.")] = None,
     width: Annotated[int | None, typer.Option("--width", help="Pixels; the height follows.")] = None,
     color: Annotated[
-        str | None, typer.Option("--color", help="kind, speed, energy, force, pressure, rotation, order, temperature or moisture.")
+        str | None,
+        typer.Option(
+            "--color",
+            help="kind, speed, energy, force, pressure, stress, deviator, rotation, order, temperature, moisture or photoelastic.",
+        ),
     ] = None,
     overrides: Overrides = None,
     effect: Effects = None,

@@ -7,8 +7,9 @@ ti.f64 where the backend has it.
 
 import taichi as ti
 
+from taichi_sand.measure.contacts import FAR_APART, gap_now
 from taichi_sand.world.clumps import disc_around, discs_around
-from taichi_sand.world.geometry import distance_to_second, mobility, perp, radii, spin, velocity
+from taichi_sand.world.geometry import mobility, perp, spin, velocity
 from taichi_sand.world.sweep import block_count
 
 MASS, PX, PY, SPIN, KINETIC, POTENTIAL, SPEED2, HEIGHT, LOWEST, MOVING = range(10)
@@ -22,8 +23,6 @@ PAIR_COLUMNS = 10
 SPACING, UP, GRAVITY = 0, 2, 4
 """Where the frame array keeps (x, y) of the lattice spacing [m], of the upward unit vector, of gravity [m/s2]."""
 
-FAR_APART = 1e12
-"""Rows that hold no pair are farther apart than this [m]."""
 FLOOR_SLOPE = 0.17
 """A wall is a floor where its normal into the bed rises by more than this, sin 10 degrees."""
 POINTS = 24
@@ -84,13 +83,6 @@ def weigh_grains(w: ti.template(), mass: ti.types.ndarray()):
     ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         mass[i] = 1.0 / mobility(w, i).x if mobility(w, i).x > 0.0 else 0.0
-
-
-@ti.func
-def gap_now(w: ti.template(), p, wall: ti.template()):
-    """Gap of pair p at the present places [m] and its unit normal."""
-    distance, normal = distance_to_second(w, p, w.pairs.first[p], wall)
-    return distance - radii(w, p, wall), normal
 
 
 @ti.func

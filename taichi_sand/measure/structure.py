@@ -7,7 +7,10 @@ nothing is copied on a CPU.
 import numpy as np
 import taichi as ti
 
-from taichi_sand.world.geometry import add, mobility, movable, position, spin, velocity
+from taichi_sand.measure.contacts import gap_now
+from taichi_sand.world.clumps import turned
+from taichi_sand.world.geometry import add, mobility, movable, perp, position, spin, velocity
+from taichi_sand.world.search.pair_history import BEYOND
 from taichi_sand.world.sweep import every_pair
 from taichi_sand.world.tables import World
 
@@ -46,6 +49,20 @@ def pressure(world: World, out: np.ndarray) -> None:
     """Half the trace of the grain's mean stress, sum(f_n r) / (2 pi r^2) [N/m]."""
     fill_force(world, out)
     force_to_pressure(world, out)
+
+
+def stress(world: World, out: np.ndarray) -> None:
+    """Half the trace of the grain's mean stress, friction and walls included; compression is positive [N/m]."""
+    tensors = np.zeros((len(out), 3), np.float32)
+    fill_stress(world, tensors)
+    out[:] = 0.5 * (tensors[:, 0] + tensors[:, 2])
+
+
+def deviator(world: World, out: np.ndarray) -> None:
+    """Half the difference of the principal values of that stress: the largest shear stress [N/m]."""
+    tensors = np.zeros((len(out), 3), np.float32)
+    fill_stress(world, tensors)
+    out[:] = np.hypot(0.5 * (tensors[:, 0] - tensors[:, 2]), tensors[:, 1])
 
 
 def temperature(world: World, out: np.ndarray) -> None:
@@ -134,6 +151,43 @@ def push_both(w: ti.template(), out: ti.template(), c: ti.template(), p, wall: t
     add(out, w.pairs.first[p], push)
     if ti.static(not wall):
         add(out, w.pairs.second[p], push)
+
+
+@ti.kernel
+def fill_stress(w: ti.template(), out: Points):
+    """Love-Weber stress of every grain: xx, xy made symmetric, yy; over the area of the circle that holds it."""
+    every_pair(w, stress_both, out, out)
+    ti.loop_config(serialize=w.serial)
+    for i in range(w.count[None]):
+        for k in ti.static(range(3)):
+            out[i, k] /= ti.cast(ti.math.pi * w.grains.radius[i] ** 2, ti.f32)
+
+
+@ti.func
+def stress_both(w: ti.template(), out: ti.template(), c: ti.template(), p, wall: ti.template()):
+    """Adds what pair p makes of the stress of its grains, times their areas."""
+    i = w.pairs.first[p]
+    gap, normal = gap_now(w, p, wall)
+    push = w.pairs.force[p].x * normal + w.pairs.force[p].y * perp(normal)
+    if w.pairs.force[p].x != 0.0 and gap < BEYOND:
+        reach, arm = w.grains.radius[i], ti.Vector([0.0, 0.0])
+        if ti.static(w.clumps):
+            reach, arm = w.pairs.rims[p].x, turned(w, i, w.pairs.arms[p].xy)
+        add_dyad(out, i, push, arm + (reach + (gap if ti.static(wall) else 0.5 * gap)) * normal)
+        if ti.static(not wall):
+            j = w.pairs.second[p]
+            reach, arm = w.grains.radius[j], ti.Vector([0.0, 0.0])
+            if ti.static(w.clumps):
+                reach, arm = w.pairs.rims[p].y, turned(w, j, w.pairs.arms[p].zw)
+            add_dyad(out, j, -push, arm - (reach + 0.5 * gap) * normal)
+
+
+@ti.func
+def add_dyad(out: ti.template(), i, push, branch):
+    """Adds push times branch, made symmetric, to row i."""
+    out[i, 0] = out[i, 0] + ti.cast(push.x * branch.x, ti.f32)
+    out[i, 1] = out[i, 1] + ti.cast(0.5 * (push.x * branch.y + push.y * branch.x), ti.f32)
+    out[i, 2] = out[i, 2] + ti.cast(push.y * branch.y, ti.f32)
 
 
 @ti.kernel

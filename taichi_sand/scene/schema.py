@@ -192,13 +192,14 @@ class Water(Table):
         return self
 
 
+VIEWS = tuple("kind speed energy force pressure stress deviator rotation order temperature moisture photoelastic".split())
+
+
 class View(Table):
     """How pictures and films of the scene look."""
 
     width: Whole = key(720, "width of the picture; its height follows from the size of the box", "pixels", ge=16, le=8192)
-    color: Literal["kind", "speed", "energy", "force", "pressure", "rotation", "order", "temperature", "moisture"] = key(
-        "kind", "what the colour shows"
-    )
+    color: Literal[VIEWS] = key("kind", "what the colour shows")  # type: ignore[valid-type]
     force_chains: Switch = key(False, "draws the contact forces as lines between dimmed grains")
     cold: str = key("#2B5DA8", 'color = "energy": the lowest', pattern=r"^#[0-9a-fA-F]{6}$")
     hot: str = key("#F2542D", 'color = "energy": the highest', pattern=r"^#[0-9a-fA-F]{6}$")

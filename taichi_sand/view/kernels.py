@@ -104,12 +104,14 @@ def moving_values(w: ti.template(), values: Numbers, out: Numbers) -> ti.i32:
 
 
 @ti.func
-def list_disc(k, i, x, y, r, angle, width, height, discs: ti.template(), owner: ti.template(), bands: ti.template()):
+def list_disc(
+    k, i, part, x, y, r, angle, width, height, discs: ti.template(), owner: ti.template(), bands: ti.template(), parts: ti.template()
+):
     """Writes row k if the disc can be seen. Returns the next row."""
     row = k
     if x + r > -1.0 and x - r < width + 1.0 and y + r > -1.0 and y - r < height + 1.0:
         discs[row, 0], discs[row, 1], discs[row, 2], discs[row, 3] = x, y, r, angle
-        owner[row] = i
+        owner[row], parts[row] = i, part
         low = band_of(ti.cast(ti.floor(x - r), ti.i32) - 1, width, bands.shape[0])
         high = band_of(ti.cast(ti.floor(x + r), ti.i32) + 1, width, bands.shape[0])
         for s in range(low, high + 1):
@@ -120,10 +122,12 @@ def list_disc(k, i, x, y, r, angle, width, height, discs: ti.template(), owner: 
 
 
 @ti.kernel
-def place_discs(w: ti.template(), scale: ti.f32, width: ti.i32, height: ti.i32, discs: Rows, owner: Integers, bands: Spans):
-    """Lists the discs that can be seen: x, y, radius, angle; which grain each shows; for each band of columns the first one and
-    the one after the last. A grain that reaches over a periodic edge is listed on both sides; one of several discs has no spoke.
-    In the layout "cells" every grain has rows of its own, and those that it does not need show nobody.
+def place_discs(
+    w: ti.template(), scale: ti.f32, width: ti.i32, height: ti.i32, discs: Rows, owner: Integers, bands: Spans, parts: Integers
+):
+    """Lists the discs that can be seen: x, y, radius, angle; which grain each shows, and which disc of it; for each band of columns the
+    first one and the one after the last. A grain that reaches over a periodic edge is listed on both sides; one of several discs has no
+    spoke. In the layout "cells" every grain has rows of its own, and those that it does not need show nobody.
     """
     ti.loop_config(serialize=True)
     for s in range(bands.shape[0]):
@@ -132,17 +136,28 @@ def place_discs(w: ti.template(), scale: ti.f32, width: ti.i32, height: ti.i32, 
         for k in range(owner.shape[0]):
             owner[k] = NOBODY
         for i in range(w.count[None]):
-            place_grain(w, i, i * (owner.shape[0] // w.capacity), scale, width, height, discs, owner, bands)
+            place_grain(w, i, i * (owner.shape[0] // w.capacity), scale, width, height, discs, owner, bands, parts)
     else:
         ti.loop_config(serialize=True)
         for _ in range(1):
             row = 0
             for i in range(w.count[None]):
-                row = place_grain(w, i, row, scale, width, height, discs, owner, bands)
+                row = place_grain(w, i, row, scale, width, height, discs, owner, bands, parts)
 
 
 @ti.func
-def place_grain(w: ti.template(), i, row, scale, width, height, discs: ti.template(), owner: ti.template(), bands: ti.template()):
+def place_grain(
+    w: ti.template(),
+    i,
+    row,
+    scale,
+    width,
+    height,
+    discs: ti.template(),
+    owner: ti.template(),
+    bands: ti.template(),
+    parts: ti.template(),
+):
     """Lists the discs of grain i that can be seen. Returns the next row."""
     place, size = position(w, i), w.box[None].size
     next_row = row
@@ -157,7 +172,7 @@ def place_grain(w: ti.template(), i, row, scale, width, height, discs: ti.templa
                 r = ti.cast(one.z, ti.f32) * scale * SHOWN_RADIUS
                 x = ti.cast(place.x + one.x + across * size.x, ti.f32) * scale
                 y = ti.cast(height, ti.f32) - ti.cast(place.y + one.y + up * size.y, ti.f32) * scale
-                next_row = list_disc(next_row, i, x, y, r, angle, width, height, discs, owner, bands)
+                next_row = list_disc(next_row, i, k, x, y, r, angle, width, height, discs, owner, bands, parts)
     return next_row
 
 

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from taichi_sand.errors import SandError
-from taichi_sand.view import kernels, palette
-from taichi_sand.view.views import KIND, PERCENTILE, VIEWS, Range, check_view, quantile
+from taichi_sand.view import fringes, kernels, palette
+from taichi_sand.view.fringes import Fringes
+from taichi_sand.view.views import KIND, PERCENTILE, PHOTOELASTIC, VIEWS, Range, check_view, quantile
 from taichi_sand.world.edit import link_lines
 from taichi_sand.world.tables import World
 
@@ -119,7 +120,9 @@ class Painter:
         self._values, self._moving = np.zeros(capacity, np.float32), np.zeros(capacity, np.float32)
         self._colours = np.zeros(capacity, np.uint32)
         self._discs, self._owner = np.zeros((copies * capacity, 4), np.float32), np.zeros(copies * capacity, np.int32)
+        self._parts = np.zeros(copies * capacity, np.int32)
         self._bands = np.zeros((kernels.band_count(), 2), np.int32)
+        self._fringes: Fringes | None = None
         self._lines = np.zeros((LINES_PER_GRAIN * discs * capacity, 4), np.float32)
         self._forces = np.zeros(LINES_PER_GRAIN * discs * capacity, np.float32)
         self._canvas = np.zeros(self.width * self.height, np.uint32)
@@ -145,10 +148,13 @@ class Painter:
         if self.sleepers and self.world.sleeps and not (self.force_chains or self.dimmed):
             kernels.fade_sleepers(self.world, self._colours)
         world, size = self.world, (self.width, self.height)
-        kernels.place_discs(world, self.scale, *size, self._discs, self._owner, self._bands)
+        kernels.place_discs(world, self.scale, *size, self._discs, self._owner, self._bands, self._parts)
         bars = self.bonds and not self.force_chains and world.linked  # they show how a body is turned
         spokes = self.color in SPOKED and not self.force_chains and not bars
-        kernels.paint_discs(canvas, *size, self._discs, self._owner, self._bands, self._colours, spokes)
+        if self.color == PHOTOELASTIC and not (self.force_chains or self.dimmed):
+            self._paint_fringes(canvas, time)
+        else:
+            kernels.paint_discs(canvas, *size, self._discs, self._owner, self._bands, self._colours, spokes)
         if self.water:
             self.water.paint(canvas, self.width, self.height, OVER)
         if self.force_chains:
@@ -162,7 +168,7 @@ class Painter:
         """Fills the colour of every grain."""
         fixed = palette.packed(palette.FIXED)
         dimmed = self.force_chains or self.dimmed
-        if dimmed or self.color == KIND:
+        if dimmed or self.color in (KIND, PHOTOELASTIC):
             kernels.colour_by_kind(self.world, self._dim if dimmed else self._tones, fixed, self._colours)
             return
         view, table = VIEWS[self.color], self._maps[self.color]
@@ -173,6 +179,16 @@ class Painter:
             top = self._ranges[self.color].follow(quantile(self._moving[:found], PERCENTILE), time)
         kernels.colour_by_value(self.world, self._values, max(top, 1e-30), table, fixed, self._colours)
         self.legend = Legend(self.color, view.unit, top, table)
+
+    def _paint_fringes(self, canvas: np.ndarray, time: float) -> None:
+        """Grains as photoelastic discs; a fringe goes with the forces there are."""
+        if self._fringes is None:
+            self._fringes = Fringes(self.world)
+        top = self._chain_range.follow(quantile(self._fringes.place(self.scale), fringes.PERCENTILE), time)
+        fringe = 8 * top / (np.pi * float(self.world.box[None].diameter)) / fringes.ORDERS
+        listed = (self._discs, self._owner, self._bands, self._parts)
+        self._fringes.paint(canvas, (self.width, self.height), listed, self.scale, fringe)
+        self.legend = Legend("a fringe", "N/m", fringe, self._fringes.colours)
 
     def _paint_chains(self, canvas: np.ndarray, time: float) -> None:
         """Contacts as lines whose width and colour follow the normal force, the strong ones on top."""

@@ -15,6 +15,7 @@ BOND = "#6B4A2B"
 WATER = ("#3F96C9", "#2B78AE", "#1D5C8F", "#164873", "#11385C")
 FOAM = "#DCEFF7"
 CHAIN_GRAIN = "#343840"
+FRINGES = ("#1D232B", "#9FB4A0", "#F6F3DC")
 CHAIN = ("#5B3A1E", "#FF7A18", "#FFE9C4")
 
 # 17 even points of matplotlib's maps; between them a straight line is at most 5/255 off. Inferno starts at 20 %: below, a grain

@@ -33,17 +33,21 @@ VIEWS = {
     "energy": View(structure.energy, "", "J", least=1e-4),
     "force": View(structure.force, palette.INFERNO, "N"),
     "pressure": View(structure.pressure, palette.INFERNO, "N/m"),
+    "stress": View(structure.stress, palette.INFERNO, "N/m"),
+    "deviator": View(structure.deviator, palette.INFERNO, "N/m"),
     "rotation": View(structure.orientation, palette.CYCLIC, "turn", full=1.0),
     "order": View(structure.order, palette.VIRIDIS, "", full=1.0),
     "temperature": View(structure.temperature, palette.INFERNO, "K", carried="temperature"),
     "moisture": View(structure.moisture, palette.DRY_TO_WET, "", full=0.3, carried="wetness"),
 }
-KIND = "kind"
+KIND, PHOTOELASTIC = "kind", "photoelastic"
+"""Views that show no number of a grain: see the painter."""
 
 
 def views_of(world: World) -> list[str]:
     """Names of the views that there are of this world."""
-    return [KIND, *(name for name, view in VIEWS.items() if not view.carried or hasattr(world.carried, view.carried))]
+    numbers = [name for name, view in VIEWS.items() if not view.carried or hasattr(world.carried, view.carried)]
+    return [KIND, *numbers, PHOTOELASTIC]
 
 
 def check_view(color: str, world: World) -> None:
