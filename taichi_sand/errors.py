@@ -21,9 +21,13 @@ class PhysicsError(Exception):
     """The input was right but the physics failed a check; the command then exits with 1."""
 
 
+LONGEST_WORD = 200
+"""Of what somebody wrote, this much is compared with names: to look at a file of many MB that is one word takes all memory there is."""
+
+
 def suggest(word: object, known: Iterable[str]) -> str:
     """Returns "; did you mean `x`?" for the name nearest to `word`, or "" if none is near."""
-    near = difflib.get_close_matches(str(word), list(known), n=1, cutoff=0.5)
+    near = difflib.get_close_matches(str(word)[:LONGEST_WORD], list(known), n=1, cutoff=0.5)
     return f"; did you mean `{near[0]}`?" if near else ""
 
 
