@@ -56,7 +56,26 @@ def test_threads() -> None:
     assert ends[0] == ends[1]
 
 
+def test_wells_and_drains() -> None:
+    """What wells up is there, in the air and under water, to a marker; what drains off is gone."""
+    fresh_taichi()
+    wells = [
+        {"region": [0.02, 0.16, 0.06, 0.18], "rate": 0.02, "until": 0.3},
+        {"region": [0.2, 0.0, 0.28, 0.02], "rate": 0.03, "since": 0.1},
+        {"region": [0.1, 0.0, 0.14, 0.04], "rate": -0.01},
+    ]
+    sim = sand.Simulation(sand.Scene(**{**SCENE, "water": [{"region": [0.0, 0.0, 0.3, 0.08]}, *wells]}), threads=1)
+    start = sim.report()["water_m2"]
+    sim.advance(0.5)
+    now = sim.pausing["water"].fluid.now[None]
+    marker = now.marker * now.width * now.height
+    came = 0.02 * 0.3 + 0.03 * 0.4 - 0.01 * 0.5
+    assert sim.report()["water_m2"] - start == pytest.approx(came, abs=3 * marker + 0.06 * now.step)
+
+
 WRONG = {
+    "water[0].since needs a `rate`": {"water": [{"region": [0, 0, 0.1, 0.1], "since": 1.0}]},
+    "water[0].until = 1 must be later than since = 2": {"water": [{"region": [0, 0, 0.1, 0.1], "rate": 1.0, "since": 2.0, "until": 1.0}]},
     "water[0] needs a table [effects.water]": {"effects": {}},
     "water[0].region = [0, 0, 0.4, 0.1] must lie inside the box": {"water": [{"region": [0, 0, 0.4, 0.1]}]},
     "effects.water.cell = 0: must lie in 0.1 … 100 d": {"effects": {"water": {"cell": 0.0}}},

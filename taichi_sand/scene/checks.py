@@ -78,6 +78,16 @@ def region(box: tuple[float, float, float, float]) -> None:
         raise Wrong("region", f" = {show(box)} must be [x0, y0, x1, y1] with x0 < x1 and y0 < y1")
 
 
+def water(table: Any) -> None:
+    """A region in order, and keys that belong to a rate."""
+    region(table.region)
+    for name in ("velocity", "since", "until"):
+        if name in table.model_fields_set and table.rate is None:
+            raise Wrong(name, " needs a `rate`: without one the water is there at the start")
+    if table.until is not None and table.until <= table.since:
+        raise Wrong("until", f" = {table.until:g} must be later than since = {table.since:g}")
+
+
 def source(table: Any) -> None:
     """A radius from low to high, and a region in order."""
     _ordered("radius", table.radius, SMALLEST)

@@ -182,13 +182,19 @@ class Sink(Table):
 
 
 class Water(Table):
-    """Where water is at the start; it needs a table [effects.water]."""
+    """Where water is at the start, or with a `rate` where it wells up or drains off; it needs a table [effects.water]."""
 
     region: Box = key(..., "[x0, y0, x1, y1] that it fills, but for the grains that are there", "m")
+    rate: Number | None = key(
+        None, "how much wells up in the region, spread over it; below 0 drains off; none is there at the start", "m2/s"
+    )
+    velocity: Vector = key((0.0, 0.0), "[vx, vy] of water that wells up in the air", "m/s")
+    since: Number = key(0.0, "when the `rate` begins", "s", ge=0)
+    until: Number | None = key(None, "when the `rate` ends; never if not given", "s", ge=0)
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
-        checks.region(self.region)
+        checks.water(self)
         return self
 
 

@@ -26,7 +26,7 @@ SPOKED = (KIND, "rotation")
 """Views in which a spoke shows how a grain is turned; in the others it would be in the way."""
 BOND_WIDTH = 0.12
 """Of a bar that shows a bond, in mean diameters."""
-BEHIND, OVER = 0.92, 0.28
+BEHIND, OVER = 0.92, 0.18
 """How much of the ground, and of the grains, water hides."""
 LINES_PER_GRAIN = 6
 """Room for force lines: contacts that push, per grain slot."""

@@ -9,6 +9,7 @@ import pytest
 from helpers import G, fresh_taichi
 
 import taichi_sand as sand
+from taichi_sand.effects.water.grid import RATE
 
 ROOM = 2000
 """Grains that all worlds here have room for, so that they share their kernels."""
@@ -179,3 +180,86 @@ def level_flux(sim: sand.Simulation) -> float:
     grains = solid[..., 1] - solid[..., 2] * pull * now.step / now.density
     total = ((1 - solid[..., 0]) * speed + grains).sum(axis=0)
     return float(np.abs(total[2:]).max() / np.abs(grains.sum(axis=0)).max())
+
+
+def ergun(gradient: float, pores: float, viscosity: float = MU) -> float:
+    """Speed of water through a bed of spheres of D under a hydraulic gradient, over all of the cross-section [m/s] (Ergun 1952)."""
+    viscous = 150 * viscosity * (1 - pores) ** 2 / (pores**3 * D**2)
+    inert = 1.75 * RHO * (1 - pores) / (pores**3 * D)
+    return (math.sqrt(viscous**2 + 4 * inert * RHO * G * gradient) - viscous) / (2 * inert)
+
+
+def excess(sim: sand.Simulation, time: float) -> tuple[np.ndarray, np.ndarray]:
+    """Heights of the middles of cells [m], and the mean pressure there over that of still water, for so long [Pa]."""
+    now = fluid(sim).now[None]
+    y, found, end = (np.arange(now.rows) + 0.5) * now.height, [], sim.time + time
+    while sim.time < end:
+        sim.advance_steps(sim.due["water"] - sim.steps)
+        found.append(pressure(sim).mean(axis=0))
+    return y, np.mean(found, axis=0) + RHO * G * y
+
+
+def well(sim: sand.Simulation, speed: float) -> None:
+    """Has the water rise with this mean speed [m/s], from below to a drain under its surface."""
+    now, rate = fluid(sim).now[None], fluid(sim).wells.rate
+    rate[0], rate[1] = speed * now.columns * now.width, -speed * now.columns * now.width
+
+
+def upwards(width: float, depth: float, grains: list[dict], height: float) -> sand.Simulation:
+    """Water `depth` deep with a well at the bottom and a drain under the surface, not flowing yet."""
+    fresh_taichi()
+    tables = [{"region": [0, 0, width, depth]}, {"region": [0, 0, width, 0.03], "rate": 1e-9}]
+    tables.append({"region": [0, depth - 0.06, width, depth - 0.02], "rate": -1e-9})
+    effects = {"water": {"drag": "gidaspow"}, "friction": {"mu": 0.5}}
+    scene = sand.Scene(size=[width, height], grains=grains, water=tables, effects=effects, seed=2, duration=0.1)
+    return sand.Simulation(scene, threads=1, room=ROOM)
+
+
+def lattice(width: float, low: float, high: float, pores: float) -> tuple[list[list[float]], float]:
+    """A hexagonal bed of about this porosity, and the one that it has."""
+    pitch = D * math.sqrt(math.pi / (2 * math.sqrt(3)) / (1.5 * (1 - pores)))
+    columns, rows = round(width / pitch), round((high - low) / pitch / math.sqrt(0.75))
+    x, y = width / columns, (high - low) / rows
+    places = [[(k + 0.25 + 0.5 * (r % 2)) * x, low + (r + 0.5) * y] for r in range(rows) for k in range(columns)]
+    return places, 1 - 2 / 3 * math.pi * D**2 / 4 / (x * y)
+
+
+def test_seepage() -> None:
+    """W4, W5. Through a bed that is held water flows as Ergun measured; viscous water as Darcy did."""
+    width, low, high = 0.126, 0.108, 0.36
+    places, pores = lattice(width, low, high, 0.453)
+    sim = upwards(width, 0.45, [{"positions": places, "radius": D / 2, "fixed": True}], 0.54)
+    for viscosity, gradient in ((MU, 0.5), (0.1, 0.5)):
+        sim.set("effects.water.viscosity", viscosity)
+        fluid(sim).now[None].rate = RATE if viscosity == MU else 0.0  # bringing markers back makes flows as slow as this one
+        speed = ergun(gradient, pores, viscosity)
+        well(sim, speed)
+        sim.advance(0.4)
+        y, p = excess(sim, 1.2)
+        inside = (y > low + 0.06) & (y < high - 0.06)
+        found = -np.polyfit(y[inside], p[inside], 1)[0] / (RHO * G)
+        assert ergun(found, pores, viscosity) == pytest.approx(speed, rel=0.03)
+
+
+def test_quicksand() -> None:
+    """W6. Below the speed of fluidisation the bed rests; above it it swells, and the water bears its weight."""
+    width = 0.18
+    grains = [{"radius": [0.00285, 0.00315], "fill": "hexagonal", "region": [0, 0, width, 0.16], "jitter": 0.05, "pitch": 1.03}]
+    sim = upwards(width, 0.35, grains, 0.45)
+    sim.advance(1.0)
+    top = np.sort(sim.positions[:, 1])[-8]
+    weight = sim.count * 2 / 3 * math.pi * D**2 / 4 * (RHO_S - RHO) * G / width
+    pores = 1 - weight / ((RHO_S - RHO) * G * (top + D / 2))
+    onset = ergun((1 - pores) * (RHO_S / RHO - 1), pores)
+    well(sim, 0.85 * onset)
+    sim.advance(1.0)
+    assert np.sort(sim.positions[:, 1])[-8] < top + 0.1 * D
+    well(sim, 1.3 * onset)
+    sim.advance(1.0)
+    above, drops = [], []
+    for _ in range(10):
+        y, p = excess(sim, 0.1)
+        above.append((sim.positions[:, 1] > y[2]).mean() * weight)  # below, water wells up
+        drops.append(p[2] - p[(y > top + 0.05) & (y < 0.28)].mean())
+    assert np.sort(sim.positions[:, 1])[-8] > top + 1.5 * D
+    assert np.mean(drops) == pytest.approx(np.mean(above), rel=0.05)

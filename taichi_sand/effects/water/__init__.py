@@ -20,6 +20,7 @@ from taichi_sand.effects.water.grid import Fluid, allocate, plan
 from taichi_sand.effects.water.markers import start
 from taichi_sand.effects.water.pressure import project
 from taichi_sand.effects.water.transfer import advance, transfer
+from taichi_sand.effects.water.wells import flow
 from taichi_sand.scene.parameters import Parameter
 from taichi_sand.world.geometry import add, at_most, velocity, wrench
 from taichi_sand.world.tables import write_rows
@@ -37,7 +38,10 @@ LONGEST, CFL = 1 / 120, 1.0
 SPREAD, FINEST = 3.0, 1.8
 """Grains are dealt to a width of SPREAD d, or of a cell (half of it: terminal speeds 6 % low); with that, cells are no smaller than
 FINEST d."""
-MOST_CELLS = 1_000_000
+MOST_CELLS, MOST_MARKERS = 1_000_000, 4_000_000
+FOR_EVER = 1e30
+SPARE = 30.0
+"""There is room for what wells up within the duration and so much longer [s]."""
 VECTORS = ("pull", "stream", "start", "given", "borne")
 
 
@@ -72,6 +76,7 @@ class Water:
     def on_pause(self, world: Any, solver: Any) -> int:
         """Ends the water's step, and begins the next one; returns how many steps of the grains that takes."""
         advance(self.fluid)
+        let_flow(self.fluid)
         steps = begin(world, solver, self.fluid)
         transfer(self.fluid)
         deal(world, self.fluid)
@@ -97,6 +102,14 @@ class Water:
 
 
 @ti.kernel
+def let_flow(f: ti.template()):
+    """Water that wells up and drains off in the step that has passed."""
+    ti.loop_config(serialize=True)
+    for _run in range(1):
+        flow(f)
+
+
+@ti.kernel
 def begin(w: ti.template(), s: ti.template(), f: ti.template()) -> ti.i32:
     """How many steps of the grains the next one of the water may take; and with which numbers."""
     c, now = s.constants[None], f.now[None]
@@ -105,6 +118,7 @@ def begin(w: ti.template(), s: ti.template(), f: ti.template()) -> ti.i32:
     steps = ti.max(1, ti.floor(longest / c.step * (1.0 + 1e-6), ti.i32))
     f.now[None].density, f.now[None].viscosity, f.now[None].gravity = c.water_density, c.water_viscosity, w.box[None].gravity
     f.now[None].next = steps * c.step
+    f.now[None].time += now.step
     return steps
 
 
@@ -132,10 +146,21 @@ def tables(values: dict[str, Any], scene: Any, grains: Any, world: Any, kind: st
     place, share = start(scene, grains, cells)
     sizes = [form.size for form in grains.forms] or [1.0]
     spread = max(1.0, SPREAD / values["cell"]) if scene.grains or scene.sources else 1.0
-    made = allocate(world.real, cells, len(place), len(sizes))
+    wells = [table for table in scene.water if table.rate is not None]
+    inflow = sum(max(0.0, table.rate) for table in wells) * (scene.duration + SPARE) / (share * cells.width * cells.height)
+    if inflow > MOST_MARKERS:
+        raise scene.error("water", f"their rates make {inflow:.3g} markers within the duration; at most {MOST_MARKERS} are possible")
+    made = allocate(world.real, cells, len(place) + math.ceil(inflow), len(sizes), len(wells))
     write_rows(made["place"], place)
     write_rows(made["sizes"], sizes)
+    if wells:
+        size = [cells.width, cells.height] * 2
+        write_rows(made["wells"].region, np.array([table.region for table in wells]) / size + 0.5)
+        write_rows(made["wells"].rate, [table.rate for table in wells])
+        write_rows(made["wells"].span, [(table.since, FOR_EVER if table.until is None else table.until) for table in wells])
+        write_rows(made["wells"].velocity, np.array([table.velocity for table in wells]))
     now = made["now"][None]
+    now.wells = len(wells)
     now.markers, now.marker, now.spread, now.law = len(place), share, spread, LAWS.index(values["drag"])
     structure = {"wraps": world.periodic, "opens": world.open_edges, "reach": max(1, math.ceil(1.5 * spread - 0.5))}
     return (Fluid(**made, **structure, rigid=kind == "rigid", real=world.real),)

@@ -61,6 +61,17 @@ class Cells(NamedTuple):
     answer: Any  # of the multigrid to it [m2/s]
 
 
+class Wells(NamedTuple):
+    """A row a [[water]] table with a `rate`."""
+
+    region: Any  # x0, y0, x1, y1 [cells], 4-vector
+    rate: Any  # [m2/s], below 0 drains off
+    velocity: Any  # of water that wells up in the air [m/s], 2-vector
+    span: Any  # from when until when [s], 2-vector
+    owed: Any  # markers that are yet to come, or to go
+    made: Any  # markers that have come; i32
+
+
 @dataclass(frozen=True, eq=False)
 class Fluid:
     """All tables of the water, and what of it is structure."""
@@ -71,6 +82,7 @@ class Fluid:
     place: Any  # of the markers [cells], 2-vector, a row a marker
     velocity: Any  # of the markers [m/s], 2-vector
     now: Any  # 0-D struct of now_type
+    wells: Any  # what wells up or drains off; a row each
     levels: Any  # of the multigrid: columns, rows, first row of the tables, 0; 4-vector, i32
     sizes: Any  # of a kind of grains: radius of a disc of the same area / radius
     wraps: tuple  # whether the box is periodic along x, y
@@ -99,10 +111,13 @@ def now_type(real: Any) -> Any:
         rate=real,  # with which markers are brought back to their number [1/s]
         law=ti.i32,  # of drag: number in drag.LAWS
         gone=ti.i32,  # markers that have left through open edges
+        wells=ti.i32,
+        full=ti.i32,  # 1 = there was no room for a marker
         density=real,  # [kg/m3]
         viscosity=real,  # [Pa s]
         gravity=ti.types.vector(2, real),  # [m/s2]
         next=real,  # length of the step that begins [s]
+        time=real,  # when it begins [s]
     )
 
 
@@ -148,7 +163,15 @@ def allocate_cells(real: Any, count: int, total: int) -> Cells:
     )
 
 
-def allocate(real: Any, plan: Plan, markers: int, kinds: int) -> dict[str, Any]:
+def allocate_wells(real: Any, count: int) -> Wells:
+    """Empty tables of `count` wells and drains."""
+    rows = round_up(count, 8)
+    one, made = {name: field_pool.scalars(real, rows) for name in ("rate", "owed")}, field_pool.scalars(ti.i32, rows)
+    pairs = {name: field_pool.vectors(2, real, rows) for name in ("velocity", "span")}
+    return Wells(region=field_pool.vectors(4, real, rows), **pairs, made=made, **one)
+
+
+def allocate(real: Any, plan: Plan, markers: int, kinds: int, wells: int) -> dict[str, Any]:
     """Tables of a grid, and of so many markers, as members of a Fluid."""
     found = grids(plan.columns, plan.rows)
     count, total = (plan.columns + 2) * (plan.rows + 2), sum((c + 2) * (r + 2) for c, r, _, _ in found)
@@ -165,6 +188,7 @@ def allocate(real: Any, plan: Plan, markers: int, kinds: int) -> dict[str, Any]:
         "place": field_pool.vectors(2, real, markers),
         "velocity": field_pool.vectors(2, real, markers),
         "now": fill_struct(struct, start),
+        "wells": allocate_wells(real, wells),
         "levels": levels,
         "sizes": field_pool.scalars(real, round_up(kinds, 8)),
     }

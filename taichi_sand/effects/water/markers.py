@@ -21,7 +21,7 @@ def start(scene: Any, grains: Any, plan: Plan) -> tuple[np.ndarray, float]:
     """
     rng = np.random.default_rng([scene.seed, plan.columns, plan.rows])
     cell = np.array([plan.width, plan.height])
-    regions = [np.reshape(table.region, (2, 2)) / cell for table in scene.water]
+    regions = [np.reshape(table.region, (2, 2)) / cell for table in scene.water if table.rate is None]
     solid = np.minimum(solids(grains, len(scene.grains), plan), 1.0)
     places, total, number = [np.empty((0, 2))], 0.0, 0
     for k, (low, high) in enumerate(regions):
