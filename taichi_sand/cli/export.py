@@ -11,23 +11,57 @@ from taichi_sand.scene.record import LEAST
 
 
 class Outputs:
-    """The files that were asked for. SandError if one cannot be written, or a library for it is missing."""
+    """The files that were asked for. SandError if one cannot be written, or a library for it is missing.
 
-    def __init__(self, out: Path | None, every: float | None) -> None:
-        self.out, self.every = out, every
+    Args:
+        out: a trajectory.
+        every: seconds from frame to frame, and from row to row; that of the scene's [record] if None.
+        contacts: a table of the contacts at the end.
+        series: a table of the numbers of the report over time.
+    """
+
+    def __init__(self, out: Path | None, every: float | None, contacts: Path | None, series: Path | None) -> None:
+        self.out, self.every, self.contacts, self.series = out, every, contacts, series
         if every is not None and not LEAST <= every < float("inf"):
             raise SandError(f"--every {every:g} must be a number of seconds, at least {LEAST:g}")
         if out is not None:
             writing.check(trajectory.target(out, "--out"), "--out")
+        if contacts is not None or series is not None:
+            from taichi_sand.output import tables
+
+            for path, option in ((contacts, "--contacts"), (series, "--series")):
+                if path is not None:
+                    tables.check(path, option)
 
     @contextmanager
     def of(self, sim: Any) -> Iterator[None]:
-        """Writes them while `sim` is advanced in the block; what there is when that is interrupted stays."""
-        record = sim.scene.record
-        every, out = self.every or record.every, self.out or record.trajectory
+        """Writes them while `sim` is advanced in the block; trajectory and series keep what there is when that is interrupted."""
+        out, every = self.out or sim.scene.record.trajectory, self.every or sim.scene.record.every
         recorder = None if out is None else sim.record(out, every)
         try:
-            yield
+            with self._series(sim, every):
+                yield
         finally:
             if recorder is not None:
                 recorder.stop()
+        if self.contacts is not None:
+            from taichi_sand.output import tables
+
+            tables.write(self.contacts, tables.of_contacts(sim))
+
+    @contextmanager
+    def _series(self, sim: Any, every: float) -> Iterator[None]:
+        """Notes a row now, every so often, and at the end."""
+        if self.series is None:
+            yield
+            return
+        from taichi_sand.output import tables
+
+        series = tables.Series(self.series)
+        series.note(sim)
+        sim.every(every, series.note)
+        try:
+            yield
+            series.note(sim)
+        finally:
+            series.close()

@@ -47,7 +47,14 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="Prints the report as JSON, and nothing else, on stdout.")] = False,
     out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE.gsd", help="Writes a trajectory; see --every.")] = None,
     every: Annotated[
-        float | None, typer.Option("--every", metavar="S", help="Simulated seconds from frame to frame; else that of [record], 0.01.")
+        float | None,
+        typer.Option("--every", metavar="S", help="Simulated seconds from frame to frame, and row to row; else that of [record], 0.01."),
+    ] = None,
+    contacts: Annotated[
+        Path | None, typer.Option("--contacts", metavar="FILE", help="Writes the contacts at the end as a table, .csv or .parquet.")
+    ] = None,
+    series: Annotated[
+        Path | None, typer.Option("--series", metavar="FILE", help="Writes the report's numbers over time, .csv or .parquet; see --every.")
     ] = None,
     save: Annotated[Path | None, typer.Option("--save", metavar="FILE", help="Writes a checkpoint at the end.")] = None,
     resume: Annotated[
@@ -64,7 +71,7 @@ def run(
         check_seconds(seconds)
         if save is not None:
             writing.check(save, "--save")
-        outputs = Outputs(out, every)
+        outputs = Outputs(out, every, contacts, series)
         asked = _overrides(overrides, **{"solver.precision": precision})
         sim = _start(scene, asked, effect, arch, threads) if resume is None else _resume(resume, scene, asked, effect, arch, threads)
         with outputs.of(sim), progress_bar(sim.scene.title or "run") as progress:

@@ -13,13 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from taichi_sand.errors import SandError
+from taichi_sand.measure.numbers import TIMINGS, numbers
 from taichi_sand.study.sweep.plan import Job
 
 PIECE = 1 / 60
 """Simulated time between two looks at the clock [s]."""
-TIMINGS = ("wall_time_s", "compile_time_s", "real_time_factor", "ns_per_grain_step", "stages_s", "threads")
-"""What of a report differs from run to run of the same scene: left out, so that equal runs are equal files."""
-
 ALONE = threading.Lock()
 """Of one run in a process at a time: stderr and the registry of effects are the process's."""
 
@@ -91,19 +89,6 @@ def _advance(sim: Any, until: float, end: float | None) -> None:
             raise TooLong
 
     sim.advance_to(until, progress=look if end is not None else None)
-
-
-def numbers(report: dict[str, Any]) -> dict[str, float]:
-    """The numbers of a report, flat: of a vector [x, y] two. Times that it took, words and flags are left out."""
-    found: dict[str, float] = {}
-    for name, value in report.items():
-        if name in TIMINGS or isinstance(value, bool | str | dict):
-            continue
-        if isinstance(value, int | float):
-            found[name] = float(value)
-        elif isinstance(value, list) and len(value) == 2 and all(isinstance(part, int | float) for part in value):
-            found[f"{name}_x"], found[f"{name}_y"] = map(float, value)
-    return found
 
 
 def as_csv(rows: list[dict[str, Any]]) -> bytes:
