@@ -10,7 +10,7 @@ import typer.core
 
 import taichi_sand
 from taichi_sand import effects
-from taichi_sand.cli import check, leaving, printing, study, sweep, warm
+from taichi_sand.cli import check, leaving, plot, printing, study, sweep, warm
 from taichi_sand.cli.export import Outputs
 from taichi_sand.cli.leaving import in_one_sentence
 from taichi_sand.cli.options import Arch, Effects, Overrides, Precision, SceneName, Seconds, Threads, check_seconds, progress_bar
@@ -56,6 +56,9 @@ def run(
     series: Annotated[
         Path | None, typer.Option("--series", metavar="FILE", help="Writes the report's numbers over time, .csv or .parquet; see --every.")
     ] = None,
+    fields: Annotated[
+        Path | None, typer.Option("--fields", metavar="FILE", help="Writes coarse-grained fields: .vtu of the end; .pvd or .nc over time.")
+    ] = None,
     save: Annotated[Path | None, typer.Option("--save", metavar="FILE", help="Writes a checkpoint at the end.")] = None,
     resume: Annotated[
         Path | None, typer.Option("--resume", metavar="FILE", help="Goes on from a checkpoint, and with the trajectory --out.")
@@ -71,7 +74,7 @@ def run(
         check_seconds(seconds)
         if save is not None:
             writing.check(save, "--save")
-        outputs = Outputs(out, every, contacts, series)
+        outputs = Outputs(out, every, contacts, series, fields)
         asked = _overrides(overrides, **{"solver.precision": precision})
         sim = _start(scene, asked, effect, arch, threads) if resume is None else _resume(resume, scene, asked, effect, arch, threads)
         with outputs.of(sim), progress_bar(sim.scene.title or "run") as progress:
@@ -247,6 +250,7 @@ check.register(app)
 study.register(app)
 sweep.register(app)
 warm.register(app)
+plot.register(app)
 
 
 def main() -> None:

@@ -85,6 +85,8 @@ def _beside(place: np.ndarray, point: np.ndarray, scene: Any) -> np.ndarray:
 class Series:
     """The numbers of reports, a row a moment: a CSV file grows row by row, a Parquet file is written at the end."""
 
+    last_only = False
+
     def __init__(self, path: Path) -> None:
         self.path, self.rows, self.lines, self.names = path, [], None, []
         self.done = -1  # step of the last row

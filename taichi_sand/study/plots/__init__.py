@@ -1,0 +1,1 @@
+"""Pictures of what `run` has written: series, force distribution, fabric, profiles."""
