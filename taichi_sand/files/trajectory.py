@@ -124,6 +124,8 @@ def put(file: Any, frame: Chunks, first: Chunks) -> None:
     """Writes a frame: of what it shares with the first only what is logged."""
     for name, values in frame.items():
         known = None if name.startswith("log/") else first.get(name)
+        if known is values:
+            continue
         if known is None or known.dtype != values.dtype or not np.array_equal(known, values):
             file.write_chunk(name, values)
     file.end_frame()

@@ -19,12 +19,15 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sand.measure.contacts import contacts
+from taichi_sand.measure.contacts import CONTACT, WORDS, contacts
 from taichi_sand.scene.shapes import mass
 from taichi_sand.taichi_support.host_access import reader
 
 COLUMNS = ("site", "offset", "shift", "twist", "angle", "turn", "radius", "mobility", "id", "kind")
 """Of the table of grains that a frame is made from."""
+COLUMN = {name: CONTACT.fields[name][1] // 8 for name in ("force_n", "force_t", "overlap")}  # type: ignore[index]
+COLUMN |= {f"normal_{axis}": CONTACT.fields["normal"][1] // 8 + k for k, axis in enumerate("xy")}  # type: ignore[index]
+"""Where the numbers of a contact stand, all of 8 bytes; the first are id1, id2, disc1, disc2, bridge."""
 
 
 def words(lines: list[str]) -> np.ndarray:
@@ -32,9 +35,6 @@ def words(lines: list[str]) -> np.ndarray:
     longest = max((len(line.encode()) for line in lines), default=0) + 1
     rows = np.array([line.encode() for line in lines], dtype=np.dtype((bytes, longest)))
     return rows.view(np.int8).reshape(len(lines), longest)
-
-
-BOND_TYPES = words(["contact", "bridge"])
 
 
 class Kinds:
@@ -50,7 +50,8 @@ class Kinds:
         self.dense = np.array([mass(form, np.ones(1), table.density)[0] for form, table in zip(forms, tables)] or [1.0])  # mass / radius²
         names = [f"grains[{k}]" for k in range(len(scene.grains))] + [f"sources[{k}]" for k in range(len(scene.sources))]
         shapes = [json.dumps({"type": "Sphere", "diameter": 2 * mean_radius(table)}) for table in tables]
-        self.chunks = {"particles/types": words(names or ["A"]), "particles/type_shapes": words(shapes or ["{}"])}
+        self.chunks = {"configuration/dimensions": np.array([2], np.uint8), "bonds/types": words(["contact", "bridge"])}
+        self.chunks |= {"particles/types": words(names or ["A"]), "particles/type_shapes": words(shapes or ["{}"])}
 
 
 def mean_radius(table: Any) -> float:
@@ -65,6 +66,8 @@ class Frames:
         self.kinds = Kinds(sim.scene)
         self.world: Any = None
         self.ids, self.order = np.empty(0, np.int32), np.empty(0, int)
+        self.seen: list[np.ndarray] = [np.empty(0)] * 4
+        self.last: dict[str, np.ndarray] = {}
 
     def table(self, sim: Any) -> dict[str, np.ndarray]:
         """The grains present, by id: SI, f64."""
@@ -101,38 +104,52 @@ class Frames:
         return mass
 
     def of(self, sim: Any) -> dict[str, np.ndarray]:
-        """The chunks of this moment, by name."""
+        """The chunks of this moment, by name. Those that are the same arrays as in another frame have not changed."""
         table, scene = self.table(sim), sim.scene
         whole = self.mass(table)
         discs = discs_of(table, whole, self.kinds)
-        owner, size, count = discs.pop("owner"), np.array(scene.size), len(discs["radius"])
-        half, ids = table["angle"][owner] / 2, table["id"][owner].astype(np.int32)
-        columns = {name: np.zeros((count, width), np.float32) for name, width in WIDTHS.items()}
-        columns["mass"], columns["diameter"] = discs["mass"].astype(np.float32), (2 * discs["radius"]).astype(np.float32)
-        columns["moment_inertia"][:, 2] = 0.5 * discs["mass"] * discs["radius"] ** 2
-        columns["position"][:, :2] = centred(discs["place"], size, scene.periodic)
-        columns["velocity"][:, :2] = discs["velocity"]
-        columns["orientation"][:, 0], columns["orientation"][:, 3] = np.cos(half), np.sin(half)
+        owner, size, count = discs["owner"], np.array(scene.size), len(discs["radius"])
+        half = (table["angle"][owner] / 2).astype(np.float32)
+        position, velocity, turn = (np.zeros((count, width), np.float32) for width in (3, 3, 4))
+        position[:, :2], velocity[:, :2] = centred(discs["place"], size, scene.periodic), discs["velocity"]
+        turn[:, 0], turn[:, 3] = np.cos(half), np.sin(half)
         return {
             "configuration/step": np.array([sim.steps], np.uint64),
-            "configuration/dimensions": np.array([2], np.uint8),
             "configuration/box": np.array([*scene.size, 0, 0, 0, 0], np.float32),
-            "particles/N": np.array([count], np.uint32),
             **self.kinds.chunks,
-            "particles/typeid": table["kind"][owner].astype(np.uint32),
-            "particles/body": np.where(self.kinds.many[table["kind"][owner]] > 1, ids, np.int32(-1)),
-            **{f"particles/{name}": values for name, values in columns.items()},
+            **self.lasting(table, discs),
+            "particles/position": position,
+            "particles/velocity": velocity,
+            "particles/orientation": turn,
             "log/time": np.array([sim.time]),
             "log/shift": size / 2,
-            "log/particles/id": ids,
             "log/particles/spin": table["twist"][owner, 2].astype(np.float32),
             **{name: values[owner].astype(np.float32) for name, values in table.items() if name.startswith("log/")},
             **energies(table, whole, scene.gravity),
             **bonds(contacts(sim), table["id"], discs["first"], count),
         }
 
-
-WIDTHS = {"moment_inertia": 3, "position": 3, "velocity": 3, "orientation": 4}
+    def lasting(self, table: dict[str, np.ndarray], discs: dict[str, Any]) -> dict[str, np.ndarray]:
+        """The chunks that stay as they are while grains neither come nor go, nor are held or let go."""
+        now = [table[name] for name in ("id", "kind", "radius", "mobility")]
+        if not all(map(np.array_equal, now, self.seen)):
+            owner, mass = discs["owner"], discs["mass"]
+            ids, kind = table["id"][owner].astype(np.int32), table["kind"][owner]
+            inertia = np.zeros((len(mass), 3), np.float32)
+            inertia[:, 2] = 0.5 * mass * discs["radius"] ** 2
+            self.seen, self.last = (
+                now,
+                {
+                    "particles/N": np.array([len(mass)], np.uint32),
+                    "particles/typeid": kind.astype(np.uint32),
+                    "particles/body": np.where(self.kinds.many[kind] > 1, ids, np.int32(-1)),
+                    "particles/mass": mass.astype(np.float32),
+                    "particles/diameter": (2 * discs["radius"]).astype(np.float32),
+                    "particles/moment_inertia": inertia,
+                    "log/particles/id": ids,
+                },
+            )
+        return self.last
 
 
 def discs_of(table: dict[str, np.ndarray], whole: np.ndarray, kinds: Kinds) -> dict[str, Any]:
@@ -165,21 +182,25 @@ def bonds(found: np.ndarray, ids: np.ndarray, first: np.ndarray, count: int) -> 
     """The contacts `found` of grains as bonds, and their forces on each of `count` particles; `ids` of the grains are in order, `first` is
     the first particle of each.
     """
-    normal, one = found["normal"], first[np.searchsorted(ids, found["id1"])] + found["disc1"]
-    push = found["force_n"][:, None] * normal + found["force_t"][:, None] * np.stack([-normal[:, 1], normal[:, 0]], axis=1)
+    wide = np.ascontiguousarray(found.view(np.float64).reshape(len(found), WORDS).T)  # a row a number: three times as quick as by fields
+    whole, between = wide.view(np.int64), wide.view(np.int64)[1] >= 0
+    nx, ny, push, slide, overlap = (wide[COLUMN[name]] for name in ("normal_x", "normal_y", "force_n", "force_t", "overlap"))
+    rows = np.zeros(int(ids[-1]) + 1 if len(ids) else 0, int)
+    rows[ids[ids >= 0]] = first[ids >= 0]
+    one, other = rows[whole[0]] + whole[2], rows[whole[1][between]] + whole[3][between]
     force = np.zeros((count, 3), np.float32)
-    between = found["id2"] >= 0
-    inner = found[between]
-    other = first[np.searchsorted(ids, inner["id2"])] + inner["disc2"]
-    for axis in (0, 1):
-        force[:, axis] = np.bincount(other, push[between, axis], count) - np.bincount(one, push[:, axis], count)
+    for axis, along in enumerate((push * nx - slide * ny, push * ny + slide * nx)):
+        force[:, axis] = np.bincount(other, along[between], count) - np.bincount(one, along, count)
+    group = np.empty((len(other), 2), np.uint32)
+    group[:, 0], group[:, 1] = one[between], other
     return {
-        "bonds/N": np.array([len(inner)], np.uint32),
-        "bonds/types": BOND_TYPES,
-        "bonds/typeid": (inner["bridge"] > 0).astype(np.uint32),
-        "bonds/group": np.stack([one[between], other], axis=1).astype(np.uint32),
+        "bonds/N": np.array([len(other)], np.uint32),
+        "bonds/typeid": (whole[4][between] > 0).astype(np.uint32),
+        "bonds/group": group,
         "log/particles/force": force,
-        **{f"log/bonds/{name}": inner[name].astype(np.float32) for name in ("force_n", "force_t", "overlap")},
+        "log/bonds/force_n": push[between].astype(np.float32),
+        "log/bonds/force_t": slide[between].astype(np.float32),
+        "log/bonds/overlap": overlap[between].astype(np.float32),
     }
 
 
