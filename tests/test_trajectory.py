@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 
 import taichi_sand as sand
 from taichi_sand.cli.main import app
+from taichi_sand.files.trajectory import STEP, Trajectory
 from tests.helpers import digest
 from tests.test_writing import disk_of
 
@@ -306,6 +307,19 @@ def test_a_full_disk(tmp_path: Path) -> None:
     assert not sim.recorders
     sim.advance(0.005)
     assert 1 <= len(read(path)) < 200
+
+
+def test_what_effects_have_grains_carry_may_come_and_go(tmp_path: Path) -> None:
+    """gsd takes what a frame does not log from the first frame, and breaks where that has not got it either."""
+    frames = [{STEP: np.array([k], np.uint64), "particles/N": np.array([2 + k], np.uint32)} for k in range(3)]
+    frames[0]["log/particles/wetness"] = frames[1]["log/particles/wetness"] = frames[1]["log/particles/heat"] = np.ones(2, np.float32)
+    trajectory = Trajectory.begin(tmp_path / "run.gsd", frames[0], b"scene")
+    for frame in frames[1:]:
+        trajectory.write(frame)
+    trajectory.close()
+    found = [frame.log for frame in read(tmp_path / "run.gsd")]
+    assert [list(log) for log in found] == 3 * [["particles/wetness"]]
+    assert np.isnan(found[2]["particles/wetness"]).tolist() == [True] * 4
 
 
 def test_without_the_library(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

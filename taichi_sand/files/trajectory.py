@@ -21,7 +21,7 @@ from taichi_sand.files.reading import opened, reason
 ENDING = ".gsd"
 SCHEMA = {"application": f"taichi-sand {taichi_sand.__version__}", "schema": "hoomd", "schema_version": [1, 4]}
 """1.4 is the last version before numbers of 64 bits; there are none here that it does not know, and older programs read it."""
-STEP, MADE_OF = "configuration/step", "taichi_sand/scene"
+STEP, MADE_OF, OF_PARTICLES = "configuration/step", "taichi_sand/scene", "log/particles/"
 REFUSED = (OSError, RuntimeError, ValueError, KeyError, IndexError, TypeError, MemoryError, OverflowError)
 """What the library raises about files that it cannot read or write."""
 Chunks = Mapping[str, np.ndarray]
@@ -121,7 +121,13 @@ def step_of(file: Any, frame: int) -> int:
 
 
 def put(file: Any, frame: Chunks, first: Chunks) -> None:
-    """Writes a frame: of what it shares with the first only what is logged."""
+    """Writes a frame: of what it shares with the first only what is logged. What is logged of particles is logged in all frames or in none,
+    as readers expect: what the first has not is left out, what this one has not is NaN.
+    """
+    if first:
+        lost = [name for name in first if name.startswith(OF_PARTICLES) and name not in frame]
+        frame = {name: values for name, values in frame.items() if name in first or not name.startswith(OF_PARTICLES)}
+        frame |= {name: np.full(int(frame["particles/N"][0]), np.nan, np.float32) for name in lost}
     for name, values in frame.items():
         known = None if name.startswith("log/") else first.get(name)
         if known is values:
