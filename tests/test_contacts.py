@@ -159,6 +159,8 @@ def test_stress_above_the_floor_is_the_load(poured) -> None:
     assert load[inside].values == pytest.approx(weight[inside].values, abs=0.02 * mass * G)
     assert walls["force"][:, 1].sum() == pytest.approx(-mass * G, rel=0.01) and walls["contacts"].sum() > 20
     assert list(walls["name"]) == sim.wall_names()
+    told = sim.report()["wall_forces_N"]
+    assert told == {str(row["name"]): [*row["force"], row["torque"]] for row in walls if row["contacts"]} and "bottom" in told
     rows = sim.contacts()
     rows = rows[rows["id2"] == -1]
     arm, push = rows["point"] - [0.05, 0.05], forces(rows)

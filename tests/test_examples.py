@@ -124,6 +124,26 @@ def test_the_notebook(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert any("image/png" in out.get("data", {}) for cell in cells for out in cell.outputs)
 
 
+def test_the_first_measurement(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is kept without outputs, runs from top to bottom, and finds what is known: a heap has a slope (physics.md B4), walls bear most of
+    a silo (B1), and forces are spread about exponentially above their mean.
+    """
+    for name, value in ENVIRONMENT.items():
+        monkeypatch.setenv(name, value)
+    book = nbformat.read(EXAMPLES / "first_measurement.ipynb", 4)
+    cells = [cell for cell in book.cells if cell.cell_type == "code"]
+    assert not any(cell.outputs or cell.execution_count for cell in cells)
+    NotebookClient(book, timeout=600, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}).execute()
+    text = "".join(out.get("text", "") for cell in cells for out in cell.outputs)
+    found = [
+        re.search(words, text)
+        for words in (r"repose ([\d.]+) deg", r"of the weight: ([\d.]+)", r"exp\((-[\d.]+) f\)", r"; ([\d.]+) of the")
+    ]
+    angle, share, slope, below = (float(one[1]) for one in found if one)
+    assert 8 < angle < 30 and share < 0.7 and -2.5 < slope < -0.7 and 0.5 < below < 0.75
+    assert sum("image/png" in out.get("data", {}) for cell in cells for out in cell.outputs) == 3
+
+
 def test_the_map_of_repose_angles(tmp_path: Path) -> None:
     """A heap of few grains is steeper with friction than nearly without (physics.md B4)."""
     (tmp_path / "small.py").write_text(

@@ -31,6 +31,8 @@ between smooth sides gives its weight.
 `water_iterations`: of the projection, in the last step of the water.
 `water_step_s`: how far apart the water acts.
 `wall_force_N`: sum over all wall contacts of the size of their force.
+`wall_forces_N`: by wall, of those that are touched: force of the grains on it, x and y, and its torque about the pivot [N m], of an edge
+about its middle. With rigid, impacts of the last step are in it.
 `mass_kg`: of the grains that can move.
 `grains_made`: with sources or sinks: grains there have been in all, those of the start included.
 `grains_waiting`: with sources: grains that were due when these last looked, and have found no room yet; flagged when more than a tenth.
@@ -46,9 +48,11 @@ Forces are those of the last step. Sums are in f64 on the CPU and CUDA.
 from typing import Any
 
 import numpy as np
-import taichi as ti
 
 from taichi_sand.measure import observe
+from taichi_sand.measure.contacts import contacts as contact_rows
+from taichi_sand.measure.contacts import real_of
+from taichi_sand.measure.grain_state import wall_forces
 from taichi_sand.solvers.tolerance import softness
 from taichi_sand.world.extras.links import ends_of
 from taichi_sand.world.sources import waiting
@@ -57,12 +61,6 @@ CELLS_ACROSS = 8
 """A bed of n grains gets cells of about sqrt(n) / CELLS_ACROSS diameters, between SMALLEST and LARGEST."""
 SMALLEST, LARGEST = 2.0, 6.0
 BEARING = 1e-3
-
-
-def _real(sim: Any) -> tuple[Any, Any]:
-    """Type to sum in, for Taichi and for NumPy: f64 where the backend has it."""
-    wide = sim.arch in ("cpu", "cuda", "x64", "arm64")
-    return (ti.f64, np.float64) if wide else (ti.f32, np.float32)
 
 
 def _blocks(world: Any) -> int:
@@ -80,7 +78,7 @@ def _frame(sim: Any, dtype: Any) -> np.ndarray:
 
 def motion(sim: Any) -> dict[str, Any]:
     """Energies [J], momenta [N s, N m s], largest speed [m/s] and height of the bed [m]."""
-    real, dtype = _real(sim)
+    real, dtype = real_of(sim)
     sums = np.zeros((_blocks(sim.world), observe.GRAIN_COLUMNS), dtype)
     sums[:, observe.LOWEST] = np.inf
     observe.sum_grains(sim.world, _frame(sim, dtype), sums, real)
@@ -100,7 +98,7 @@ def motion(sim: Any) -> dict[str, Any]:
 
 def look_at_pairs(sim: Any) -> tuple[np.ndarray, np.ndarray]:
     """The sums over pairs, by the columns of `observe`, and the overlaps of those that touch [m]."""
-    real, dtype = _real(sim)
+    real, dtype = real_of(sim)
     w = sim.world
     sums = np.zeros((_blocks(w), observe.PAIR_COLUMNS), dtype)
     overlaps = np.zeros(w.half * (1 + w.sleeps), dtype)
@@ -125,6 +123,12 @@ def contacts(sim: Any) -> dict[str, Any]:
     }
 
 
+def walls(sim: Any) -> dict[str, list[float]]:
+    """Force x, y [N] and torque [N m] on every wall that is touched, by its name."""
+    found = wall_forces(sim, contact_rows(sim))
+    return {str(row["name"]): [*row["force"].tolist(), float(row["torque"])] for row in found[found["contacts"] > 0]}
+
+
 def coordination(sim: Any, mean_push: float) -> float:
     """Bearing contacts a grain, without rattlers; `mean_push` [N] is the mean normal force of the pushing contacts."""
     if mean_push <= 0:
@@ -140,7 +144,7 @@ def coordination(sim: Any, mean_push: float) -> float:
 
 def packing_fraction(sim: Any) -> float:
     """Area of grains a unit area inside the bed: see the head of this file."""
-    real, dtype = _real(sim)
+    real, dtype = real_of(sim)
     w = sim.world
     d = sim.bed.diameter
     cell = float(np.clip(np.sqrt(max(w.count[None], 1)) / CELLS_ACROSS, SMALLEST, LARGEST)) * d
@@ -218,6 +222,7 @@ def report(sim: Any) -> dict[str, Any]:
         "tolerance": float(sim.scene.solver.tolerance),
         "depth": float(sim.bed.depth),
         **contacts(sim),
+        "wall_forces_N": walls(sim),
         "flow_softness": softness(sim.numbers, sim.bed),
         **motion(sim),
         **carried(sim),
