@@ -47,6 +47,8 @@ Box = tuple[Number, Number, Number, Number]
 Range = Annotated[Vector, BeforeValidator(_as_range)]
 Angle = Annotated[float | str, BeforeValidator(_as_angle)]
 Edge = Literal["wall", "open", "periodic"]
+Numeric = Literal["speed", "energy", "force", "pressure", "stress", "deviator", "rotation", "order", "temperature", "moisture"]
+Color = Literal["kind", Numeric, "photoelastic"]
 
 
 def plain(value: Any) -> Any:

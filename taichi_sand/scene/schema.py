@@ -15,7 +15,7 @@ from pydantic import BaseModel, PrivateAttr, ValidationError, model_validator
 from taichi_sand.errors import SandError
 from taichi_sand.scene import checks
 from taichi_sand.scene.expected import Check
-from taichi_sand.scene.kinds import Angle, Box, Edge, Number, Range, Switch, Table, Vector, Whole, key, sealed
+from taichi_sand.scene.kinds import Angle, Box, Color, Edge, Number, Range, Switch, Table, Vector, Whole, key, sealed
 from taichi_sand.scene.origin import moved
 from taichi_sand.scene.record import Record
 from taichi_sand.scene.rows import read_rows
@@ -198,14 +198,11 @@ class Water(Table):
         return self
 
 
-VIEWS = tuple("kind speed energy force pressure stress deviator rotation order temperature moisture photoelastic".split())
-
-
 class View(Table):
     """How pictures and films of the scene look."""
 
     width: Whole = key(720, "width of the picture; its height follows from the size of the box", "pixels", ge=16, le=8192)
-    color: Literal[VIEWS] = key("kind", "what the colour shows")  # type: ignore[valid-type]
+    color: Color = key("kind", "what the colour shows")
     force_chains: Switch = key(False, "draws the contact forces as lines between dimmed grains")
     cold: str = key("#2B5DA8", 'color = "energy": the lowest', pattern=r"^#[0-9a-fA-F]{6}$")
     hot: str = key("#F2542D", 'color = "energy": the highest', pattern=r"^#[0-9a-fA-F]{6}$")
