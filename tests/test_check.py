@@ -8,6 +8,8 @@ from typer.testing import CliRunner
 
 import taichi_sand as sand
 from taichi_sand.cli.main import app
+from taichi_sand.scene import loading
+from taichi_sand.study.check.check import check
 
 SCENE = """size = [0.2, 0.2]
 duration = 0.5
@@ -49,14 +51,12 @@ def test_what_a_scene_must_show(tmp_path: Path) -> None:
 def test_a_number_that_is_not_there_is_no_number() -> None:
     """A heap that is none has no angle: that fails, whatever the range."""
     scene = sand.Scene(size=[0.2, 0.2], duration=0.0, checks=[{"observable": "repose_angle", "low": -1e9, "high": 1e9}])
-    from taichi_sand.study.check.check import check
-
     [row] = check("none", scene, threads=1)
     assert not row.passed and row.to_dict()["value"] is None
 
 
 @pytest.mark.parametrize(
-    ("check", "said"),
+    ("table", "said"),
     [
         ('observable = "floor_forze_N"\nlow = 1', "did you mean `floor_force_N`?"),
         ('observable = "grains"', "checks[0] needs `low` or `high`"),
@@ -66,11 +66,21 @@ def test_a_number_that_is_not_there_is_no_number() -> None:
         ("low = 2", "checks[0].observable"),
     ],
 )
-def test_wrong_checks(check: str, said: str, tmp_path: Path) -> None:
-    code, [text] = checked(tmp_path, f"[[checks]]\n{check}\n")
+def test_wrong_checks(table: str, said: str, tmp_path: Path) -> None:
+    code, [text] = checked(tmp_path, f"[[checks]]\n{table}\n")
     assert code == 2 and said in text and text.count("\n") == 1
 
 
 def test_a_scene_without_checks(tmp_path: Path) -> None:
     code, [text] = checked(tmp_path)
     assert code == 2 and "has no [[checks]]" in text
+
+
+SHOWN = [name for name, path in loading.bundled().items() if "[[checks]]" in path.read_text("utf-8")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SHOWN)
+def test_bundled_scenes_show_what_they_must(name: str) -> None:
+    rows = check(name, sand.load(name), threads=1)
+    assert not [row for row in rows if not row.passed]
