@@ -39,6 +39,7 @@ def touch(scene: Scene, window: bool, arch: str, threads: int | None) -> None:
     """Does once what is done with `scene`: a step, a report, a picture."""
     from taichi_sand.play.session import Session
     from taichi_sand.run.simulation import Simulation
+    from taichi_sand.view.picture import image
 
     with Simulation(scene, arch=arch, threads=threads) as sim:
         sim.advance_steps(1)
@@ -47,7 +48,7 @@ def touch(scene: Scene, window: bool, arch: str, threads: int | None) -> None:
     if window:
         session = Session(scene, arch=arch, threads=threads)
         session.advance(1)
-        session.sim.image()
+        image(session.sim)
 
 
 def register(app: typer.Typer) -> None:
