@@ -7,6 +7,7 @@ import pytest
 from helpers import digest, fresh_taichi
 
 import taichi_sand as sand
+from taichi_sand.world import edit
 
 SCENE = {
     "size": [0.3, 0.2],
@@ -71,6 +72,23 @@ def test_wells_and_drains() -> None:
     marker = now.marker * now.width * now.height
     came = 0.02 * 0.3 + 0.03 * 0.4 - 0.01 * 0.5
     assert sim.report()["water_m2"] - start == pytest.approx(came, abs=3 * marker + 0.06 * now.step)
+
+
+def test_what_is_under_water_is_soaked() -> None:
+    """With `moisture`: the grain in the water is full of it, and loses its bridges; the one on a ledge above stays as damp as it was. Under
+    water, too, most are laid down to sleep within two seconds."""
+    fresh_taichi()
+    grains = [{"positions": [[0.05 + 0.0061 * k, 0.003] for k in range(30)] + [[0.15, 0.15]], "radius": 0.003}]
+    more = {"water": {}, "moisture": {"wetness": 0.1}, "sleeping": {}}
+    walls = [{"points": [[0.12, 0.147], [0.18, 0.147]]}]
+    tables = {"grains": grains, "walls": walls, "effects": more, "water": [{"region": [0.0, 0.0, 0.3, 0.08]}]}
+    sim = sand.Simulation(sand.Scene(**{**SCENE, **tables}), threads=1)
+    sim.advance(2.5)
+    wetness, place = sim.world.carried.wetness.to_numpy()[: sim.count], edit.places(sim.world)[0]
+    under = place[:, 1] < 0.08
+    assert under.sum() == 30
+    assert wetness[under].min() == pytest.approx(1.0, abs=1e-6) and wetness[~under] == pytest.approx(0.1, abs=1e-6)
+    assert sim.report()["grains_asleep"] >= 25
 
 
 WRONG = {

@@ -5,7 +5,8 @@ Grains enter as porosity. The water pushes them by its pressure gradient, which 
 A disc stands for a sphere in a slab one grain thick, so that porosities, drag and quicksand are those of spheres. The water acts at most
 1/120 s apart, and so often that none of it flows on by more than a cell; the grains' steps lie between. `[[water]]` says where it is at
 the start; cells should be three grains wide or more. Grains of several discs are to the water discs of the same area, and all of them
-should be smaller than a cell. Turbulence, capillarity and lubrication are left out.
+should be smaller than a cell. With the effect `moisture` what is under water is soaked, so that liquid bridges let go, and comes out wet;
+that water is not taken from the markers. Turbulence, capillarity and lubrication are left out.
 """
 
 import math

@@ -279,6 +279,8 @@ def feel(w: ti.template(), f: ti.template()):
             g.water_wet[i], g.water_depth[i] = wet, depth
             g.water_start_x[i], g.water_start_y[i] = v.x, v.y
             g.water_given_x[i], g.water_given_y[i] = 0.0, 0.0
+            if ti.static(hasattr(w.carried, "wetness")):
+                w.carried.wetness[i] = at_least(wet, w.carried.wetness[i])  # soaked
             if ti.static(w.sleeps):
                 watch(w, f, i, wet * ti.Vector([g.water_drag[i] * across[1] - across[0], g.water_drag[i] * up[1] - up[0]]))
 
