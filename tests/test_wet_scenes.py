@@ -72,6 +72,10 @@ def test_wells_and_drains() -> None:
     marker = now.marker * now.width * now.height
     came = 0.02 * 0.3 + 0.03 * 0.4 - 0.01 * 0.5
     assert sim.report()["water_m2"] - start == pytest.approx(came, abs=3 * marker + 0.06 * now.step)
+    assert not sim.flags()
+    sim.advance(1.5)  # by then there is more than the box holds
+    assert sim.report()["water_m2"] < 1.02 * 0.3 * 0.2
+    assert "water that was to well up found no room" in sim.flags()[0]
 
 
 def test_what_is_under_water_is_soaked() -> None:

@@ -155,6 +155,7 @@ INDICES: dict[str, tuple[Bound, Bound] | str] = {
     **{f"effects.fluid.{name}": SAME for name in ("levels", "now:columns", "now:rows", "now:levels", "now:law", "now:wells")},
     **{f"effects.fluid.now:{name}": (0, LARGEST) for name in ("top", "rounds", "gone", "full")},
     "effects.fluid.now:markers": (0, LARGEST),  # kernels take no more than there is room for
+    "effects.fluid.now:free": FLAG,
     "effects.fluid.wells.made": (0, LARGEST),
     "effects.fluid.cells.kind": (-1, 1),
     **{f"effects.fluid.{name}.known": (-2, 4) for name in "uv"},

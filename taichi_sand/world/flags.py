@@ -8,7 +8,7 @@ import taichi as ti
 
 from taichi_sand.taichi_support import field_pool
 
-NOT_FINITE, TOO_FAST, ESCAPED, WALL_WAITS, SOURCE_FULL, NOWHERE = range(6)
+NOT_FINITE, TOO_FAST, ESCAPED, WALL_WAITS, SOURCE_FULL, NOWHERE, WATER_FULL = range(7)
 NONE = 2**31 - 1
 
 SENTENCES = {
@@ -23,6 +23,8 @@ SENTENCES = {
     SOURCE_FULL: "{count} times a source found the table of grains full, first at {time:.4g} s, and made none: there is room for what the "
     "sources make within the scene's `duration`. A longer one gives more.",
     NOWHERE: "{count} grains were taken out, as their place was no longer a number; first grain {grain} at {time:.4g} s.",
+    WATER_FULL: "{count} times water that was to well up found no room, first at {time:.4g} s, and did not: the box is "
+    "full, or the table, which holds what [[water]] makes within the scene's `duration` and half a minute more.",
 }
 
 

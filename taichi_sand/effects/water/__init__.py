@@ -23,6 +23,7 @@ from taichi_sand.effects.water.pressure import project
 from taichi_sand.effects.water.transfer import advance, transfer
 from taichi_sand.effects.water.wells import flow
 from taichi_sand.scene.parameters import Parameter
+from taichi_sand.world.flags import WATER_FULL, flag
 from taichi_sand.world.geometry import add, at_most, velocity, wrench
 from taichi_sand.world.tables import write_rows
 
@@ -119,6 +120,9 @@ def begin(w: ti.template(), s: ti.template(), f: ti.template()) -> ti.i32:
     steps = ti.max(1, ti.floor(longest / c.step * (1.0 + 1e-6), ti.i32))
     f.now[None].density, f.now[None].viscosity, f.now[None].gravity = c.water_density, c.water_viscosity, w.box[None].gravity
     f.now[None].next = steps * c.step
+    if now.full == 1:
+        flag(w, WATER_FULL, 0)
+        f.now[None].full = 0
     f.now[None].time += now.step
     return steps
 

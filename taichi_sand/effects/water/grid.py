@@ -113,6 +113,7 @@ def now_type(real: Any) -> Any:
         gone=ti.i32,  # markers that have left through open edges
         wells=ti.i32,
         full=ti.i32,  # 1 = there was no room for a marker
+        free=ti.i32,  # 1 = there is a free surface, 0 = all of the box is full
         density=real,  # [kg/m3]
         viscosity=real,  # [Pa s]
         gravity=ti.types.vector(2, real),  # [m/s2]
@@ -177,7 +178,7 @@ def allocate(real: Any, plan: Plan, markers: int, kinds: int, wells: int) -> dic
     count, total = (plan.columns + 2) * (plan.rows + 2), sum((c + 2) * (r + 2) for c, r, _, _ in found)
     count, total, markers = round_up(count, LEAST_CELLS), round_up(total, 2 * LEAST_CELLS), round_up(markers + 1, LEAST_MARKERS)
     struct = now_type(real)
-    start = dict.fromkeys(struct.members, 0) | {"gravity": (0.0, 0.0), "levels": len(found), "rate": RATE, **asdict(plan)}
+    start = dict.fromkeys(struct.members, 0) | {"gravity": (0.0, 0.0), "levels": len(found), "rate": RATE, "free": 1, **asdict(plan)}
     levels = field_pool.vectors(4, ti.i32, MOST_LEVELS)
     for k, row in enumerate(found):
         levels[k] = row

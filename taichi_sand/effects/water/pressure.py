@@ -156,6 +156,7 @@ def project(f: ti.template()):
         for c in ti.static(range(2)):
             push(f, c, now.density, now.gravity[c], now.next)
         free = build_matrix(f, now.next / now.step if now.step > 0.0 else 1.0)
+        f.now[None].free = ti.cast(free or now.markers == 0, ti.i32)
         if not free:
             balance(f)
         pull = ti.max(LEAST_GRAVITY, now.gravity.norm())

@@ -54,7 +54,7 @@ def make(f: ti.template(), n):
     box, stride = f.wells.region[n], f.now[None].rows + 2
     for _ in range(ti.cast(f.wells.owed[n], ti.i32)):
         k, made = f.now[None].markers, f.wells.made[n]
-        if k < f.place.shape[0] and made < LARGEST:
+        if k < f.place.shape[0] and made < LARGEST and f.now[None].free == 1:
             x, y = FIRST * (made % 65536 + 1), SECOND * (made % 65536 + 1)
             place = ti.Vector([box.x + (x - ti.floor(x)) * (box.z - box.x), box.y + (y - ti.floor(y)) * (box.w - box.y)])
             f.place[k], f.velocity[k] = place, f.wells.velocity[n]
