@@ -138,6 +138,7 @@ def test_wrong_arguments_change_nothing(sim: sand.Simulation) -> None:
         r"add: positions must be numbers of": lambda: sim.add("here", radius=R),
         r"add: radius = \[.*\] must be numbers of shape \(1,\)": lambda: sim.add(point, radius=[R, R]),
         r"add: radius = -.* must be at least 1e-06 m": lambda: sim.add(point, radius=-R),
+        r"add: radius = .* must be at most 0\.005 m, .* until = 0": lambda: sim.add(point, radius=[1.01 * R]),
         r"add: velocities\[0\]\[0\] = inf": lambda: sim.add(point, radius=R, velocities=(math.inf, 0.0)),
         r"add: kind = 3 must be the number of a .* 0 … 0": lambda: sim.add(point, radius=R, kind=3),
         r'add: kind = "dics" .* did you mean `disc`': lambda: sim.add(point, radius=R, kind="dics"),
@@ -271,6 +272,22 @@ def test_room_grows_and_effects_come_to_the_same_bits() -> None:
     few = steer(0)
     fresh_taichi()
     assert steer(100) == few
+
+
+def test_an_empty_box_that_announces_what_will_come() -> None:
+    """Grains of any announced size come into it, and are made for: a heavy one and a light one fall, rest and weigh."""
+    fresh_taichi()
+    source = {"radius": [0.5 * R, 2 * R], "density": RHO, "rate": 1.0, "until": 0.0, "region": [0.0, 0.0, 8 * R, 8 * R]}
+    sim = sand.Simulation(scene_of("rigid", grains=[], sources=[source], effects={}), threads=1)
+    sim.advance(0.1)
+    assert sim.count == 0 and sim.bed.diameter == pytest.approx(2.5 * R)
+    sim.add([[4 * R, 4 * R], [10 * R, 4 * R]], radius=[2 * R, 0.5 * R])
+    assert sim.advance_until("rest", at_most=5.0) and weights(sim) == pytest.approx(4.25, rel=1e-3)
+    with pytest.raises(sand.SandError, match=r"at most 0\.01 m"):
+        sim.add([[4 * R, 12 * R]], radius=2.1 * R)
+    bare = sand.Simulation(scene_of("rigid", grains=[], effects={}), threads=1)
+    with pytest.raises(sand.SandError, match="neither grains nor sources"):
+        bare.add([[4 * R, 12 * R]], radius=R)
 
 
 SHELF = [[2 * R, 6 * R], [14 * R, 6 * R]]

@@ -11,7 +11,7 @@ from taichi_sand.run import overlaps
 from taichi_sand.run.arguments import array, shown, whole
 from taichi_sand.run.entry import changes
 from taichi_sand.run.overlaps import Discs, discs_of
-from taichi_sand.scene.checks import LARGEST, SMALLEST
+from taichi_sand.scene.checks import SMALLEST
 from taichi_sand.scene.schema import MOST_GRAINS, Scene
 from taichi_sand.scene.shapes import BUILT_IN, Form, form, inertia, mass
 from taichi_sand.world import edit
@@ -21,6 +21,7 @@ from taichi_sand.world.sleep.fall_asleep import wake
 
 DENSITY = 2650.0
 """Of grains that are added where the scene has no table for any [kg/m2]."""
+ANNOUNCE = "a [[sources]] table with `radius` and `until = 0` announces grains that are added later"
 MOST_SHOWN = 5
 """So many ids are named in an error."""
 
@@ -35,6 +36,8 @@ class Steering:
     removed: int
     ids: np.ndarray
     renew: Any
+    hand: Any
+    planned: Any
     _become: Any
     _have_room: Any
     _bed_with: Any
@@ -49,7 +52,8 @@ class Steering:
 
         Args:
             positions: of their centres [m], shape (n, 2).
-            radius: of a disc, of which a shape has several, as in a scene [m]: a number, or (n,).
+            radius: of a disc, of which a shape has several, as in a scene [m]: a number, or (n,). None larger than the largest that the
+                scene has, or announces by a `[[sources]]` table: with `until = 0` it makes none itself.
             velocities: [m/s], shape (n, 2), or (2,) for all.
             angles: [rad], a number or (n,).
             spins: [rad/s], a number or (n,).
@@ -68,8 +72,8 @@ class Steering:
             raise SandError(f"add: positions: there cannot be more than {MOST_GRAINS} grains")
         number, shape, density = self._kind(kind)
         size = array("add", "radius", radius, (count,))
-        if count and not (SMALLEST <= size.min() and size.max() <= LARGEST):
-            raise SandError(f"add: radius = {show(float(size.min()))} must be at least {SMALLEST:g} m")
+        if count:
+            self._check_size(shape, size)
         new = {
             "position": self._inside("add", positions, count),
             "velocity": array("add", "velocities", velocities, (count, 2)),
@@ -215,6 +219,18 @@ class Steering:
         if not tables:
             return 0, form("disc", BUILT_IN["disc"]), DENSITY
         return int(kind), self.scene.form_of(tables[int(kind)]), tables[int(kind)].density
+
+    def _check_size(self, shape: Form, size: np.ndarray) -> None:
+        """SandError unless tables, stiffness and step are made for discs of these radii (n,) in a grain of this shape."""
+        if size.min() < SMALLEST:
+            raise SandError(f"add: radius = {show(float(size.min()))} must be at least {SMALLEST:g} m")
+        if not len(self.planned) and self.hand is None:
+            raise SandError(f"add: the scene has neither grains nor sources, and does not say how large grains will be; {ANNOUNCE}")
+        most = float(self.world.box[None].largest) / 2 / shape.reach
+        if size.max() > most * (1 + 1e-5):
+            raise SandError(
+                f"add: radius = {show(float(size.max()))} must be at most {most:.4g} m, as of the largest there are; {ANNOUNCE}"
+            )
 
     def _inside(self, function: str, positions: Any, count: int) -> np.ndarray:
         """Positions (n, 2) within the box, where it is periodic folded into it; SandError if one is not."""
