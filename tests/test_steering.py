@@ -138,7 +138,7 @@ def test_wrong_arguments_change_nothing(sim: sand.Simulation) -> None:
         r"add: positions must be numbers of": lambda: sim.add("here", radius=R),
         r"add: radius = \[.*\] must be numbers of shape \(1,\)": lambda: sim.add(point, radius=[R, R]),
         r"add: radius = -.* must be at least 1e-06 m": lambda: sim.add(point, radius=-R),
-        r"add: radius = .* must be at most 0\.005 m, .* until = 0": lambda: sim.add(point, radius=[1.01 * R]),
+        r"add: radius = .* must be at most 0\.005 m, .*until = 0": lambda: sim.add(point, radius=[1.01 * R]),
         r"add: velocities\[0\]\[0\] = inf": lambda: sim.add(point, radius=R, velocities=(math.inf, 0.0)),
         r"add: kind = 3 must be the number of a .* 0 … 0": lambda: sim.add(point, radius=R, kind=3),
         r'add: kind = "dics" .* did you mean `disc`': lambda: sim.add(point, radius=R, kind="dics"),

@@ -14,7 +14,7 @@ from taichi_sand.world.search.growth import NO_ROOMS, Rooms, Sizes, sizes_of
 from taichi_sand.world.search.neighbour_list import list_again
 from taichi_sand.world.sleep.wake import clear_stale_rows_now
 from taichi_sand.world.tables import World, round_up
-from taichi_sand.world.walls.build import change_walls, movers_fit
+from taichi_sand.world.walls.build import change_walls, structure_fits
 from taichi_sand.world.walls.motion import clocks_of
 
 STARTS = ("row_start", "wall_row_start")
@@ -104,10 +104,10 @@ class Growing:
             self._lay_again(rooms)
 
     def _move_walls(self, scene: Scene) -> None:
-        """Has the walls of `scene`, others of which move."""
+        """Has the walls of `scene`, of other kinds or moving otherwise."""
         clocks = clocks_of(self.world.movers)
         with self.clock.stage("compile"):
-            if not movers_fit(self.world, scene):
+            if not structure_fits(self.world, scene):
                 self.first_walls = scene.walls
                 self._lay_again(rooms_of(self.world), (".0.walls", ".0.movers"))
                 stepping.warm(self.world, self.solver)

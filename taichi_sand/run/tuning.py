@@ -21,6 +21,7 @@ from taichi_sand.world.walls.build import (
     moving_walls,
     shortest_shake,
     standing_walls,
+    structure_fits,
     wall_loads,
 )
 
@@ -93,15 +94,16 @@ class Tuning:
     @changes
     def set_walls(self, walls: Sequence[Any]) -> None:
         """Goes on with these `[[walls]]`, a table each as in a scene file, in the place of those there are. One that moves sets out from
-        its points now; one whose table is that of a wall that moves already goes on with it. Where none has moved so far, or none
-        with a `force`, some seconds are spent on compiling.
+        its points now; one whose table is that of a wall that moves already goes on with it. The first that moves, has a
+        `force`, a friction of its own or is a belt costs some seconds of compiling.
 
         Raises:
             SandError: a table is wrong, a wall is too fast to be followed, or there is no room for them (with `hand` there is room for
                 many); then nothing has changed.
         """
         scene = self.scene.with_walls(walls)
-        if moving_walls(scene) == moving_walls(self.scene):
+        same, faster = moving_walls(scene) == moving_walls(self.scene), fastest_wall(scene) > fastest_wall(self.scene)
+        if same and not faster and structure_fits(self.world, scene):
             change_walls(self.world, self.scene, scene)
             self.scene = scene
             self.renew()

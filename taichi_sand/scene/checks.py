@@ -139,6 +139,8 @@ def wall(table: Any) -> None:
 
 def _moving_wall(table: Any) -> None:
     """What belongs to a motion that there is."""
+    if table.surface_velocity and table.spin:
+        raise Wrong("surface_velocity", " does not go with a `spin`")
     if table.pivot is not None and not table.spin:
         raise Wrong("pivot", " needs a `spin`")
     if table.mass is not None and table.force is None:
@@ -186,6 +188,9 @@ def scene(table: Any) -> None:
             raise Wrong(f"walls[{index}].points", f" = {show([list(p) for p in item.points])} lies wholly outside the box, {_box(table)}")
         if item.friction is not None and "friction" not in table.effects:
             raise Wrong(f"walls[{index}].friction", f" = {item.friction:g} needs a table [effects.friction]")
+        if item.surface_velocity and "friction" not in table.effects:
+            text = f" = {item.surface_velocity:g} needs a table [effects.friction]: without friction a belt moves nothing"
+            raise Wrong(f"walls[{index}].surface_velocity", text)
     shown = SHOWS.get(table.view.color)
     if shown and shown not in table.effects:
         raise Wrong("view.color", f' = "{table.view.color}" needs a table [effects.{shown}]')

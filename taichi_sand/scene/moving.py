@@ -10,7 +10,7 @@ import numpy as np
 
 def motion(wall: Any) -> dict[str, Any]:
     """The keys that say where it is at a time."""
-    return {name: value for name, value in wall.model_dump().items() if name != "friction"}
+    return {name: value for name, value in wall.model_dump().items() if name not in ("friction", "surface_velocity")}
 
 
 def moves(wall: Any) -> bool:
@@ -34,9 +34,9 @@ def shaking(wall: Any) -> tuple[np.ndarray, float]:
 
 
 def top_speed(wall: Any) -> float:
-    """No point of the wall moves faster [m/s]."""
+    """No point of the wall, or of its surface, moves faster [m/s]."""
     amplitude, omega = shaking(wall)
-    return float(np.hypot(*wall.velocity) + omega * np.hypot(*amplitude) + abs(wall.spin) * lever(wall))
+    return float(np.hypot(*wall.velocity) + abs(wall.surface_velocity) + omega * np.hypot(*amplitude) + abs(wall.spin) * lever(wall))
 
 
 def breadth(wall: Any) -> float:

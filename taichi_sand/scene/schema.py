@@ -139,6 +139,7 @@ class Wall(Table):
     points: tuple[Vector, ...] = key(..., "corners [[x, y], …], at least two", "m", min_length=2)
     closed: Switch = key(False, "joins the last point to the first")
     friction: Number | None = key(None, "coefficient of friction; that of [effects.friction] if not given", ge=0, le=10)
+    surface_velocity: Number = key(0.0, "of its surface along the line, from its first point to its last: a conveyor belt", "m/s")
     velocity: Vector = key((0.0, 0.0), "[vx, vy] that it moves with", "m/s")
     spin: Number = key(0.0, "that it turns with, counter-clockwise", "rad/s")
     pivot: Vector | None = key(None, "[x, y] at time 0 of what it turns about; the mean of its points if not given", "m")

@@ -103,7 +103,16 @@ def motion_of(w: ti.template(), p, i, j, distance, normal, wall: ti.template()):
     motion = -velocity(w, i) if ti.static(wall) else velocity(w, j) - velocity(w, i)
     if ti.static(wall and w.moves):
         motion += wall_velocity(w, p, i, distance, normal)
+    if ti.static(wall and w.walls.belts):
+        motion += belt_velocity(w, p, normal)
     return motion
+
+
+@ti.func
+def belt_velocity(w: ti.template(), p, normal):
+    """Velocity of the surface of a wall, as seen from the wall, where pair p touches it [m/s]."""
+    surface = w.walls.surface[w.pairs.second[p]]
+    return surface - surface.dot(normal) * normal
 
 
 @ti.func

@@ -10,7 +10,7 @@ exact whatever is set off.
 
 import taichi as ti
 
-from taichi_sand.world.geometry import add, movable, perp, wall_velocity, wrench
+from taichi_sand.world.geometry import add, belt_velocity, movable, perp, wall_velocity, wrench
 
 
 @ti.func
@@ -53,9 +53,13 @@ def set_off(w: ti.template(), s: ti.template(), i, j, first, second, wall: ti.te
 @ti.func
 def drive(w: ti.template(), s: ti.template(), p, distance, normal, impulse, wall: ti.template()):
     """Pair p gives an impulse (normal, tangential) [N s] to its second. What a wall that moves does against it is no heat lost."""
-    if ti.static(s.books and wall and w.moves):
+    if ti.static(s.books and wall and (w.moves or w.walls.belts)):
         i = w.pairs.first[p]
-        v = wall_velocity(w, p, i, distance, normal)
+        v = ti.Vector([0.0, 0.0])
+        if ti.static(w.moves):
+            v += wall_velocity(w, p, i, distance, normal)
+        if ti.static(w.walls.belts):
+            v += belt_velocity(w, p, normal)
         book(w, s, i, -(impulse.x * v.dot(normal) + impulse.y * v.dot(perp(normal))))
 
 

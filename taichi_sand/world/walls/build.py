@@ -27,17 +27,17 @@ def wall_parts(scene: Any, unit: float) -> list[Part]:
     size, wraps = np.array(scene.size), np.array(scene.periodic)
     walled = tuple(getattr(scene.edges, side) == "wall" for side in SIDES)
     still = Frame(size, wraps, walled, unit, float(size[wraps].min() / 4) if wraps.any() else np.inf)
-    lines = [(piece, rough(wall)) for wall in scene.walls if not moving.moves(wall) for piece in clipped(moving.corners(wall), still)]
+    lines = [(piece, own_of(wall)) for wall in scene.walls if not moving.moves(wall) for piece in clipped(moving.corners(wall), still)]
     parts = edge_parts(scene.size, walled) + join(lines, still)
     for mover, wall in enumerate(moving_walls(scene)):
         free = still._replace(walled=(False,) * 4, wraps=wraps & (wall.spin == 0))
-        parts += join([(moving.corners(wall), rough(wall))], free, mover)
+        parts += join([(moving.corners(wall), own_of(wall))], free, mover)
     return parts
 
 
-def rough(wall: Any) -> float:
-    """Coefficient of friction of its own, < 0: it has none."""
-    return -1.0 if wall.friction is None else wall.friction
+def own_of(wall: Any) -> tuple[float, float]:
+    """Coefficient of friction of its own, < 0: it has none; and velocity of its surface along it [m/s]."""
+    return -1.0 if wall.friction is None else wall.friction, wall.surface_velocity
 
 
 def moving_walls(scene: Any) -> list[Any]:
@@ -57,8 +57,8 @@ def wall_segments(world: World, scene: Any) -> np.ndarray:
 
 
 def fastest_wall(scene: Any) -> float:
-    """Speed of the fastest point of a wall [m/s]."""
-    return max((moving.top_speed(wall) for wall in moving_walls(scene)), default=0.0)
+    """Speed of the fastest point of a wall, or of its surface [m/s]."""
+    return max((moving.top_speed(wall) for wall in scene.walls), default=0.0)
 
 
 def shortest_shake(scene: Any) -> float:
@@ -79,7 +79,7 @@ def wall_loads(scene: Any, pack: Pack) -> dict[str, float]:
 def check_speeds(scene: Any, cap: float) -> None:
     """SandError if a wall moves faster than can be followed, `cap` [m/s]."""
     for index, wall in enumerate(scene.walls):
-        if moving.moves(wall) and (speed := moving.top_speed(wall)) > cap:
+        if (speed := moving.top_speed(wall)) > cap:
             text = f"moves at up to {speed:.3g} m/s; with this step no more than {cap:.3g} m/s can be followed, a smaller one allows more"
             raise scene.error(f"walls[{index}]", text)
 
@@ -162,6 +162,8 @@ def tables_of(world: World, scene: Any) -> dict[str, np.ndarray]:
     tables = {f"walls.{name}": values for name, values in found.items()}
     if world.walls.rough:
         tables["walls.friction"] = np.array([part.friction for part in parts])
+    if world.walls.belts:
+        tables["walls.surface"] = np.array([part.surface for part in parts])
     if world.moves:
         fixed = constants(moving_walls(scene))
         moved = {**fixed, **part_columns(parts, fixed["pivot"]), "wall": owners(world.movers, parts)}
@@ -169,11 +171,14 @@ def tables_of(world: World, scene: Any) -> dict[str, np.ndarray]:
     return tables
 
 
-def movers_fit(world: World, scene: Any) -> bool:
-    """Whether the tables of `world` have room for the walls of `scene` that move."""
-    found = moving_walls(scene)
+def structure_fits(world: World, scene: Any) -> bool:
+    """Whether `world` has been made for walls of the kinds that `scene` has, and for as many that move."""
+    found, kinds = moving_walls(scene), [own_of(wall) for wall in scene.walls]
+    rough, belts = any(friction >= 0 for friction, _ in kinds), any(speed for _, speed in kinds)
+    if (rough and not world.walls.rough) or (belts and not world.walls.belts) or (found and not world.moves):
+        return False
     if not world.moves:
-        return not found
+        return True
     parts = sum(part.mover >= 0 for part in wall_parts(scene, world.box[None].least))
     room = len(found) < world.movers.twist.shape[0] and parts <= world.movers.part.shape[0]
     return room and (world.movers.driven or not any(wall.force for wall in found))
@@ -188,9 +193,7 @@ def change_walls(world: World, before: Any, after: Any, clocks: dict[str, np.nda
     old, new = (wall_parts(scene, world.box[None].least) for scene in (before, after))
     entries = entries_of(world, new)
     if not fits(world.walls, new, entries):
-        rough = any(part.friction >= 0 for part in new) and not world.walls.rough
-        text = "friction of its own must be there from the start" if rough else "there is no room for so many walls in this simulation"
-        raise after.error("walls", text)
+        raise after.error("walls", "there is no room for so many walls in this simulation")
     wake(world)
     numbers = np.append(renumber(old, new), -1)
     rows = world.pairs.second.to_numpy()

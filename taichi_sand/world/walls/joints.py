@@ -35,6 +35,7 @@ class Part:
     bounds: np.ndarray  # of a line from where to where it runs, from `point`; of an end the second direction that leads off
     side: int  # 1 = grains are always on its left (an edge of the box), 0 = a line with two sides, -1 = an end
     friction: float = -1.0  # < 0: that of the effect
+    surface: tuple[float, float] = (0.0, 0.0)  # velocity of its surface as it stands [m/s]
     mover: int = -1  # which moving wall it belongs to; -1 = it stands still
     slopes: tuple[float, float] = (0.0, 0.0)  # by how much its bounds shift for every metre to the left of the line
 
@@ -52,8 +53,8 @@ Link = dict[tuple[int, int], tuple[int, int]]
 """From an end of a line (number, 0 = start or 1 = end) to the end of the line that goes on there."""
 
 
-def join(polylines: list[tuple[np.ndarray, float]], frame: Frame, mover: int = -1) -> list[Part]:
-    """Lines and ends of polylines, each its corners (n, 2) [m] and coefficient of friction (< 0: none of its own), that move together."""
+def join(polylines: list[tuple[np.ndarray, tuple[float, float]]], frame: Frame, mover: int = -1) -> list[Part]:
+    """Lines and ends of polylines, each its corners (n, 2) [m] and what `Lines.own` has of it, that move together."""
     lines, places = lay(polylines, frame)
     if not len(lines.ends):
         return []
@@ -132,7 +133,7 @@ def path_parts(lines: Lines, path: Path, link: Link, frame: Frame, mover: int, w
     steps = lines.way[numbers] * (1 - 2 * entered[:, None])
     start = lines.start[numbers[0]] + entered[0] * lines.way[numbers[0]]
     points = np.concatenate([start[None], start + np.cumsum(steps, axis=0)])
-    friction = lines.friction[numbers]
+    own = lines.own[numbers] * np.stack([np.ones(len(path)), 1 - 2 * entered], axis=1)
     corners = straightened(points, STRAIGHT * frame.unit)
     chords = np.diff(points[corners], axis=0)
     lengths = np.hypot(*chords.T)
@@ -148,21 +149,21 @@ def path_parts(lines: Lines, path: Path, link: Link, frame: Frame, mover: int, w
         length = once_around(chords[k], frame) if len(chords) == 1 else lengths[k]
         places = np.minimum((points[a : b + 1] - points[a]) @ along[k], length)
         over = ASIDE * frame.unit * np.array([k > 0 or closed, k < len(chords) - 1 or closed])
-        spans = pieces(np.concatenate([[over[0]], places[1:-1], [length + over[1]]]), friction[a:b], frame.longest)
-        for n, (start, end, own) in enumerate(spans):
+        spans = pieces(np.concatenate([[over[0]], places[1:-1], [length + over[1]]]), own[a:b], frame.longest)
+        for n, (start, end, (friction, speed)) in enumerate(spans):
             slopes = (float(half[k - 1]) if n == 0 else 0.0, float(-half[k]) if n == len(spans) - 1 else 0.0)
-            parts.append(Part(points[a], along[k], np.array([start, end]), 0, own, mover, slopes))
+            parts.append(Part(points[a], along[k], np.array([start, end]), 0, friction, tuple(speed * along[k]), mover, slopes))
     return parts
 
 
-def pieces(places: np.ndarray, friction: np.ndarray, longest: float) -> list[tuple[float, float, float]]:
-    """What of a line through `places` (n + 1,) [m] is alike, and no longer than `longest` [m]: from, to, coefficient of friction."""
-    changes = [0, *(1 + np.flatnonzero(np.diff(friction))), len(friction)]
-    found = []
+def pieces(places: np.ndarray, own: np.ndarray, longest: float) -> list[tuple[float, float, np.ndarray]]:
+    """What of a line through `places` (n + 1,) [m] is alike, and no longer than `longest` [m]: from, to, and what is its `own` (n, 2)."""
+    changes = [0, *(1 + np.flatnonzero(np.diff(own, axis=0).any(axis=1))), len(own)]
+    found: list[tuple[float, float, np.ndarray]] = []
     for first, last in pairwise(changes):
         start, end = places[first], places[last]
         cuts = np.linspace(start, end, max(1, math.ceil((end - start) / longest - 1e-9)) + 1)
-        found += [(float(s), float(e), float(friction[first])) for s, e in pairwise(cuts) if e > s]
+        found += [(float(s), float(e), own[first]) for s, e in pairwise(cuts) if e > s]
     return found
 
 
@@ -201,4 +202,12 @@ def corner(place: np.ndarray, halves: list, led: dict[tuple[int, int], np.ndarra
     widest = int(np.argmax(gaps))
     if gaps[widest] > np.pi:
         first, second = order[(widest + 1) % len(order)], order[widest]
-        yield Part(place, -ways[first], -ways[second], -1, float(lines.friction[halves[0][0][0]]), mover)
+        meeting = [number for (number, _), _ in halves]
+        yield Part(place, -ways[first], -ways[second], -1, float(lines.own[meeting[0], 0]), around_corner(lines, meeting), mover)
+
+
+def around_corner(lines: Lines, meeting: list[int]) -> tuple[float, float]:
+    """Surface velocity of a corner of these lines [m/s]: their mean speed, in the mean of their directions."""
+    speeds = lines.own[meeting, 1]
+    mean = (speeds[:, None] * lines.along()[meeting]).mean(axis=0)
+    return tuple((mean * np.abs(speeds).mean() / max(float(np.hypot(*mean)), 1e-30)).tolist())

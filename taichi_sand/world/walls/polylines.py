@@ -41,7 +41,7 @@ class Lines(NamedTuple):
     ends: np.ndarray  # numbers of the points they run between, (n, 2)
     start: np.ndarray  # [m], (n, 2)
     way: np.ndarray  # from start to end [m], (n, 2)
-    friction: np.ndarray  # (n,)
+    own: np.ndarray  # coefficient of friction (< 0: none of its own), and surface velocity along `way` [m/s], (n, 2)
 
     def along(self) -> np.ndarray:
         """Directions, (n, 2)."""
@@ -84,14 +84,14 @@ def thinned(points: np.ndarray, least: float) -> np.ndarray:
     return np.array([*kept, points[-1]])
 
 
-def lay(polylines: list[tuple[np.ndarray, float]], frame: Frame) -> tuple[Lines, np.ndarray]:
+def lay(polylines: list[tuple[np.ndarray, tuple[float, float]]], frame: Frame) -> tuple[Lines, np.ndarray]:
     """The pieces, with corners that are the same in the same place, and the places [m] of all corners, (m, 2), by their numbers."""
     weld = WELD * frame.unit
-    thin = [(thinned(np.asarray(points, float), 2 * weld), friction) for points, friction in polylines]
+    thin = [(thinned(np.asarray(points, float), 2 * weld), own) for points, own in polylines]
     corners = np.concatenate([points for points, _ in thin] or [np.empty((0, 2))])
     number = welded(frame.home(corners), weld, frame)
     places = frame.home(corners)
-    friction = np.concatenate([np.full(len(points), f) for points, f in thin] or [np.empty(0)])
+    owns = np.concatenate([np.tile(own, (len(points), 1)) for points, own in thin] or [np.empty((0, 2))])
     last = np.cumsum([len(points) for points, _ in thin]) - 1
     rows = np.setdiff1d(np.arange(len(corners)), last)
     snapped = frame.nearest(places[number], corners)
@@ -101,7 +101,7 @@ def lay(polylines: list[tuple[np.ndarray, float]], frame: Frame) -> tuple[Lines,
         if x or y:
             seen.setdefault((a, b, x, y) if (a, x, y) <= (b, -x, -y) else (b, a, -x, -y), k)
     once = np.array(list(seen.values()), int)
-    return Lines(ends[once], snapped[rows][once], way[once], friction[rows][once]), places
+    return Lines(ends[once], snapped[rows][once], way[once], owns[rows][once]), places
 
 
 def welded(points: np.ndarray, weld: float, frame: Frame) -> np.ndarray:

@@ -26,6 +26,8 @@ class Walls(NamedTuple):
     side: Any  # 1 = grains are always on its left (an edge of the box), 0 = a line with two sides, -1 = an end
     friction: Any  # its own coefficient, < 0 = none: shape (parts,), or None if no wall has one
     rough: bool  # whether a wall has one
+    surface: Any  # velocity of its surface as it stands, 2-vector [m/s]: shape (parts,), or None if no wall is a belt
+    belts: bool  # whether one is
     room: int  # entries of still walls that there may be; behind them are those of walls that move
 
 
@@ -103,7 +105,7 @@ def build_walls(parts: list[Part], entries: list[np.ndarray], real: Any, room: i
     """Wall table with room for at least `room` entries of parts that stand still, and for `moving` of those that move."""
     room = round_up(max(room, len(entries[1])), LEAST_ROOM)
     rows, sites = room + moving, round_up(len(entries[0]) + 1, LEAST_ROOM)
-    rough = any(part.friction >= 0 for part in parts)
+    rough, belts = any(part.friction >= 0 for part in parts), any(any(part.surface) for part in parts)
     table = Walls(
         start=field_pool.scalars(ti.i32, sites),
         part=field_pool.scalars(ti.i32, rows),
@@ -111,6 +113,8 @@ def build_walls(parts: list[Part], entries: list[np.ndarray], real: Any, room: i
         side=field_pool.scalars(ti.i32, rows),
         friction=field_pool.scalars(real, part_room(room, parts)) if rough else None,
         rough=rough,
+        surface=field_pool.vectors(2, real, part_room(room, parts)) if belts else None,
+        belts=belts,
         room=room,
     )
     write_walls(table, parts, entries)
@@ -124,8 +128,9 @@ def part_room(room: int, parts: list[Part]) -> int:
 
 def fits(table: Walls, parts: list[Part], entries: list[np.ndarray]) -> bool:
     """Whether there is room for these parts and entries in the table."""
-    rough = any(part.friction >= 0 for part in parts)
-    return len(entries[1]) <= table.room and len(parts) <= part_room(table.room, []) and (table.rough or not rough)
+    rough, belts = any(part.friction >= 0 for part in parts), any(any(part.surface) for part in parts)
+    room = len(entries[1]) <= table.room and len(parts) <= part_room(table.room, [])
+    return room and (table.rough or not rough) and (table.belts or not belts)
 
 
 def write_walls(table: Walls, parts: list[Part], entries: list[np.ndarray]) -> None:
@@ -134,6 +139,8 @@ def write_walls(table: Walls, parts: list[Part], entries: list[np.ndarray]) -> N
         write_rows(getattr(table, name), values)
     if table.rough:
         write_rows(table.friction, np.array([part.friction for part in parts]))
+    if table.belts:
+        write_rows(table.surface, np.array([part.surface for part in parts]))
 
 
 def renumber(before: list[Part], after: list[Part]) -> np.ndarray:
