@@ -15,6 +15,7 @@ from pathlib import Path
 import imageio_ffmpeg
 import numpy as np
 import pytest
+from PIL import Image
 from typer.testing import CliRunner
 
 import taichi_sand as sand
@@ -327,6 +328,9 @@ def whole(path: Path) -> bool:
     if path.suffix == ".record":
         *_, lines = recording.read(path)
         return all(isinstance(line, dict | list) for line in lines)
+    if path.suffix == ".gif":
+        with Image.open(path) as film:
+            return getattr(film, "n_frames", 1) == 6
     if path.suffix == ".mp4":
         return imageio_ffmpeg.count_frames_and_secs(str(path))[0] == 6
     return len(list(path.iterdir())) == 6 and all(file.read_bytes().endswith(b"IEND\xaeB`\x82") for file in path.iterdir())
