@@ -64,9 +64,9 @@ def is_wall(w: ti.template(), p):
 
 
 def columns(solver: Any, name: str) -> list[Any]:
-    """The columns of the neighbour list in which effects remember something of that name."""
+    """The columns of the neighbour list in which effects remember something of that name: the hand has a method `spring`."""
     found = [getattr(effect, name, None) for effect in solver.effects]
-    return [column for column in found if column is not None]
+    return [column for column in found if hasattr(column, "to_numpy")]
 
 
 @ti.func
