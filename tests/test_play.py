@@ -136,7 +136,7 @@ def test_every_view_shows_something_else(box: Playing) -> None:
     shots = [box.settled(strip=True)]
     while box.switched("v")["look"]["color"] != "kind":
         shots.append(box.shot(strip=True))
-    assert len(shots) == 7  # all but those of effects that are off
+    assert len(shots) == 10  # all but those of effects that are off
     for key in ("c", "x", "a", "g", "i", "h"):
         box.switched(key)
         shots.append(box.shot(strip=True))

@@ -22,6 +22,8 @@ SCENES = {
     "settle": ["scale=0.3", "effects.sleeping.time=0.01", "effects.sleeping.speed=0.1", "effects.drag.wind_x=1.0"],
     "pile": ["effects.rolling.mu=0.1", "effects.heat.conduction=10.0", "solver.kind=md"],
     "billiards": ["effects.cohesion.bond_number=5.0", "effects.moisture.wetness=0.2", "effects.friction.mu=0.5", "gravity=[0.0, -9.81]"],
+    "stack": ["effects.push={}"],
+    "dam_break": [],
 }
 STEPS = 300
 

@@ -54,8 +54,11 @@ def read_bytes(path: str | os.PathLike[str], what: str = "file", most: int = MOS
 
 def read_text(path: str | os.PathLike[str], what: str = "file", most: int = MOST_BYTES) -> str:
     """The text of a UTF-8 file; SandError as of `opened`, or if it is something else."""
+    data = read_bytes(path, what, most)
+    if (place := data.find(b"\0")) >= 0:  # UTF-8, but in no text
+        raise SandError(f"{path} is not a UTF-8 text file (byte {place} is 0x00)")
     try:
-        return read_bytes(path, what, most).decode("utf-8-sig")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise SandError(f"{path} is not a UTF-8 text file (byte {error.start} is {error.object[error.start]:#04x})") from None
 
