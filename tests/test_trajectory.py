@@ -356,7 +356,7 @@ def test_scenes_say_what_is_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert [round(float(frame.log["time"][0]), 2) for frame in read(Path("mine.gsd"))] == [0.0, 0.05, 0.1, 0.15, 0.2]
 
 
-@pytest.mark.parametrize("name", ["../run.gsd", "/tmp/run.gsd", "a\\b.gsd", ".gsd", "run.txt", ""])
+@pytest.mark.parametrize("name", ["../run.gsd", "/run.gsd", "a\\b.gsd", ".gsd", "run.txt", ""])
 def test_scenes_write_to_no_other_folder(name: str) -> None:
     """Nor to what is not called a trajectory: a scene may come from anybody."""
     with pytest.raises(sand.SandError, match=r"record\.trajectory = .* must be the name of a file that ends in \.gsd, without a folder"):

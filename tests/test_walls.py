@@ -128,3 +128,23 @@ def test_grains_among_fine_walls(kind: str) -> None:
     sim = simulate([grains], (1.05, 0.3), {"kind": kind, "precision": 32}, gravity=(0, -9.81), walls=[floor], mu=0.5)
     sim.advance(1.0)
     assert sim.flags() == [] and sim.count == 60 and sim.positions[:, 1].min() > 0.03
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hand", [False, True])
+def test_walls_set_in_mid_run_are_resumed(hand: bool, tmp_path: Path) -> None:
+    """More of them, fewer, none that moves, others: a checkpoint is gone on from to the same bits."""
+    turning, still = {"points": [[0.02, 0.02], [0.05, 0.02]], "spin": 1.0}, {"points": [[0.05, 0.06], [0.09, 0.06]]}
+    sliding = {"points": [[0.02, 0.08], [0.04, 0.08]], "velocity": [0.01, 0.0]}
+    shaken = {"points": [[0.06, 0.03], [0.08, 0.03]], "shake": {"amplitude": [0.0, 0.001], "frequency": 10.0}}
+    grains = [{"radius": [0.003, 0.005], "count": 20}]
+    scene = sand.Scene(size=(0.1, 0.1), grains=grains, walls=[turning, still, sliding], effects={"friction": {}})
+    sim = sand.Simulation(scene, threads=1, hand=hand)
+    for walls in ([sliding, still], [sliding, still, shaken], [still], [turning, still, sliding, shaken]):
+        sim.set_walls(walls)
+        sim.advance(0.03)
+        sim.save(tmp_path / "state.npz")
+        with sand.Simulation.resume(tmp_path / "state.npz", threads=1) as resumed:
+            sim.advance(0.02)
+            resumed.advance(0.02)
+            assert np.array_equal(sim.positions, resumed.positions) and sim.flags() == []

@@ -118,8 +118,8 @@ INDICES: dict[str, tuple[Bound, Bound] | str] = {
     "movers.wall": (-1, "last_wall"),
     "movers.part": (0, "last_part"),
     "movers.side": (-1, 1),
-    "movers.parts": SAME,
-    "movers.walls": SAME,
+    "movers.parts": ANY,  # as all that follows from the walls of the scene: see `_walls`
+    "movers.walls": ANY,
     "movers.count": (0, "room_moving"),
     "movers.site": (0, "last_site"),
     "movers.head": (-1, "last_entry"),
@@ -222,8 +222,8 @@ def _walls(world: World, scene: Scene, of: dict[str, np.ndarray]) -> Iterator[st
         return
     slack = EQUAL * float(of["box:least"])
     for name, values in tables.items():
-        rows = of[name][: len(values)]
-        if rows.shape != values.shape or not np.allclose(rows, values, EQUAL, slack if rows.dtype.kind == "f" else 0):
+        rows = of[name][: len(values)] if values.ndim else of[name]
+        if values.size and (rows.shape != values.shape or not np.allclose(rows, values, EQUAL, slack if rows.dtype.kind == "f" else 0)):
             yield f"{name} does not fit the walls of its scene"
 
 

@@ -167,6 +167,7 @@ def tables_of(world: World, scene: Any) -> dict[str, np.ndarray]:
     if world.moves:
         fixed = constants(moving_walls(scene))
         moved = {**fixed, **part_columns(parts, fixed["pivot"]), "wall": owners(world.movers, parts)}
+        moved |= {"walls": np.array(len(fixed["spin"])), "parts": np.array(len(moved["part"]))}
         tables |= {f"movers.{name}": values for name, values in moved.items()}
     return tables
 
