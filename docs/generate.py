@@ -131,15 +131,15 @@ def effect_tables() -> str:
 
     parts = []
     for name in effects.names():
-        module = effects.module(name)
-        text = linked("\n\n".join(" ".join(part.split()) for part in (inspect.getdoc(module) or "").split("\n\n")))
+        effect = effects.find(name)
+        text = linked("\n\n".join(" ".join(part.split()) for part in effects.about(name).split("\n\n")))
         rows = []
-        for p in module.PARAMETERS:
+        for p in effect.parameters:
             low, high = (f"{limit:g}" if limit is not None else "" for limit in (p.low, p.high))
             allowed = ", ".join(code(choice) for choice in p.choices) if p.choices else f"{low} … {high}"
             default = f"{p.default:g}" if isinstance(p.default, float) else p.default
             rows.append((code(p.name), unit(p.unit), code(default), allowed, "yes" if p.live else "no", p.help))
-        fits = " and ".join(f"`{kind}`" for kind in module.SOLVERS)
+        fits = " and ".join(f"`{kind}`" for kind in effect.solvers)
         parts += [f"## `{name}`", f"Solvers: {fits}.", text]
         parts += [table("parameter", "unit", "default", "allowed", "live", "", rows=rows)]
     return "\n\n".join(parts)

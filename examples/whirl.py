@@ -5,15 +5,15 @@
 
 import taichi as ti
 
+from taichi_sand.effects import Effect
 from taichi_sand.scene.parameters import Parameter
 from taichi_sand.world.geometry import perp, position, wrench
 
-PARAMETERS = (Parameter("strength", 1.0, "acceleration about the middle", "m/s2", low=0, high=100),)
-SOLVERS = ("md", "rigid")
 
+class Whirl(Effect):
+    """The effect."""
 
-class Whirl:
-    """The effect as kernels see it."""
+    parameters = (Parameter("strength", 1.0, "acceleration about the middle", "m/s2", low=0, high=100),)
 
     @ti.func
     def body(self, w: ti.template(), c: ti.template(), i):
@@ -21,8 +21,3 @@ class Whirl:
         way = position(w, i) - 0.5 * w.box[None].size
         mass = 1 / ti.max(w.grains.mobility[i].x, 1e-9)
         return wrench(mass * c.whirl_strength * perp(way) / way.norm(), 0.0)
-
-
-def build(values, columns, solver):
-    """The effect for a world."""
-    return Whirl()

@@ -80,7 +80,7 @@ def value_of(parameter: Parameter) -> st.SearchStrategy[Any]:
 
 def tables(names: tuple[str, ...]) -> st.SearchStrategy[dict[str, Any]]:
     """Tables of these effects, with any of their keys that may change without a new structure."""
-    live = {name: {p.name: value_of(p) for p in effects.module(name).PARAMETERS if p.live and p.default is not None} for name in names}
+    live = {name: {p.name: value_of(p) for p in effects.find(name).parameters if p.live and p.default is not None} for name in names}
     return st.fixed_dictionaries({name: st.fixed_dictionaries({}, optional=keys) for name, keys in live.items()})
 
 

@@ -46,7 +46,7 @@ def test_off_is_as_if_it_were_not_there(tmp_path: Path) -> None:
     """
     shutil.copytree(ROOT / "taichi_sand", tmp_path / "taichi_sand", ignore=shutil.ignore_patterns("__pycache__"))
     for path in (tmp_path / "taichi_sand" / "effects").glob("*.py"):
-        if path.stem not in ("__init__", "friction"):
+        if path.stem not in ("__init__", "base", "friction"):
             path.unlink()
     shutil.rmtree(tmp_path / "taichi_sand" / "effects" / "water")
     found = []
@@ -55,7 +55,7 @@ def test_off_is_as_if_it_were_not_there(tmp_path: Path) -> None:
         assert done.returncode == 0, done.stderr
         found.append(json.loads(done.stdout))
     assert found[0] == found[1]
-    assert found[0]["md"][2] == found[0]["rigid"][2] == ["taichi_sand.effects.friction"]
+    assert found[0]["md"][2] == found[0]["rigid"][2] == ["taichi_sand.effects.base", "taichi_sand.effects.friction"]
 
 
 def _run(folder: Path, command: list[str], package: Path = ROOT) -> subprocess.CompletedProcess:
@@ -73,7 +73,7 @@ def test_neutral_values_change_nothing(name: str) -> None:
     rng = np.random.default_rng(3)
     discs = [Disc(0.012 * (k % 8 + 1) + rng.uniform(-5e-4, 5e-4), 0.012 * (k // 8 + 1), spin=rng.normal()) for k in range(40)]
     ends = []
-    neutral = {effect: effects.module(effect).NEUTRAL for effect in effects.fitting(name) if effect != "friction"}
+    neutral = {effect: effects.find(effect).neutral for effect in effects.fitting(name) if effect != "friction"}
     # a longer reach lists more pairs, and Gauss-Seidel then takes them in another order
     neutral["cohesion"] = {"bond_number": 0.0, "rupture": 0.001}
     assert len(neutral) >= 4
@@ -96,15 +96,22 @@ def test_misfit_names_what_fits() -> None:
         del effects.own["only_md"]
 
 
+HEAD = "from taichi_sand.effects import Effect\n\n\nclass Own(Effect):\n    "
 WRONG = {
     "no_such.py": (None, "there is no such Python file"),
     "Big.py": ("", "cannot be its name"),
     "drag.py": ("", "cannot be its name"),
+    "base.py": ("parameters = ()", r"it must define one class that derives from taichi_sand\.effects\.Effect, not 0"),
     "broken.py": ("PARAMETERS = (1 +", "cannot be imported: SyntaxError"),
-    "bare.py": ("PARAMETERS = ()\n", "SOLVERS must name"),
-    "listed.py": ('PARAMETERS = [1]\nSOLVERS = ("md",)', "PARAMETERS must be a tuple"),
-    "other.py": ('PARAMETERS = ()\nSOLVERS = ("sph",)', "SOLVERS must name"),
-    "unbuilt.py": ('PARAMETERS = ()\nSOLVERS = ("md",)', "build.* is missing"),
+    "listed.py": (HEAD + "parameters = [1]", "`parameters` must be a tuple"),
+    "other.py": (HEAD + 'solvers = ("sph",)', "`solvers` must name those it fits"),
+    "bare.py": ("from taichi_sand.effects import Effect", "must define one class that derives from .*, not 0"),
+    "two.py": (HEAD + "pass\n\n\nclass More(Effect):\n    pass", "must define one class that derives from .*, not 2"),
+    "misspelt.py": (
+        HEAD + "def on_pauze(self, world, solver): ...",
+        r"effect Own: there is no hook `on_pauze`; did you mean `on_pause`\? \(a method of its own begins with _\)",
+    ),
+    "called.py": (HEAD + "def body(self, w, i): ...", r"effect Own: the hook `body` takes \(w, c, i\), not \(w, i\)"),
 }
 
 
@@ -118,23 +125,17 @@ def test_wrong_files_are_told(name: str, tmp_path: Path) -> None:
     assert not effects.own
 
 
-HOOKLESS = {
-    "idle": ("_torque", r"idle has no hook that the md solver calls; there are: normal, tangent, "),
-    "of the other solver": ("friction_bound", r"has no hook that the md solver calls"),
-    "misspelt": (
-        "on_pauze",
-        r"misspelt: no solver calls a hook `on_pauze`; did you mean `on_pause`\? \(a method of its own begins with _\)",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", HOOKLESS)
-def test_an_effect_without_a_hook_is_told(name: str) -> None:
-    method, sentence = HOOKLESS[name]
-    effect = type("Effect", (), {method: lambda *_: None})
-    effects.own[name] = type("module", (), {"build": staticmethod(lambda *_: effect())})  # type: ignore[assignment]
-    with pytest.raises(SandError, match=sentence):
-        effects.build(name, {}, (), "md")
+@pytest.mark.parametrize("hook", [None, "friction_bound"])
+def test_an_effect_without_a_hook_is_told(hook: str | None, tmp_path: Path) -> None:
+    """One that has none, and one that has only such as the other solver calls."""
+    path = tmp_path / "idle.py"
+    path.write_text(HEAD + (f"def {hook}(self, w, c, p, wall, normal): ..." if hook else "pass"))
+    effects.add(path)
+    try:
+        with pytest.raises(SandError, match=r"idle has no hook that the md solver calls; there are: normal, tangent, "):
+            effects.build("idle", {}, (), "md")
+    finally:
+        del effects.own["idle"]
 
 
 def example() -> tuple[str, str]:

@@ -110,17 +110,18 @@ def test_a_sweep_is_a_table_and_an_array(tmp_path: Path) -> None:
 
 POISON = """
 import os, time
+from taichi_sand.effects import Effect
 from taichi_sand.scene.parameters import Parameter
-PARAMETERS = (Parameter("bad", "no", "what goes wrong", choices=("no", "crash", "error", "hang"), live=False),)
-SOLVERS = ("rigid",)
-class Poison:
+class Poison(Effect):
+    parameters = (Parameter("bad", "no", "what goes wrong", choices=("no", "crash", "error", "hang"), live=False),)
     interval = 0.01
+    @classmethod
+    def build(cls, values, columns, solver):
+        if values["bad"] == "crash": os.kill(os.getpid(), 11)
+        if values["bad"] == "error": raise ValueError("poison")
+        if values["bad"] == "hang": time.sleep(60)
+        return cls()
     def on_pause(self, world, solver): pass
-def build(values, columns, solver):
-    if values["bad"] == "crash": os.kill(os.getpid(), 11)
-    if values["bad"] == "error": raise ValueError("poison")
-    if values["bad"] == "hang": time.sleep(60)
-    return Poison()
 """
 """An effect of the user's own that goes wrong as a simulation is made."""
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import taichi_sand as sand
 from taichi_sand.output.film import steps_of
+from taichi_sand.world.tables import MOST_STEPS, steps_within
 
 KINDS = ("md", "rigid")
 
@@ -108,3 +109,12 @@ def test_pieces_are_the_whole(kind: str, tmp_path: Path) -> None:
             sim = sand.Simulation.resume(path, threads=1)
             assert sim.owed == owed
     assert (digest(sim), sim.steps, sim.time) == expected
+
+
+@pytest.mark.parametrize("step", [1e-3, 1e-6, 6e-12, 1e-300])
+def test_pauses_are_counted_in_steps_of_any_size(step: float) -> None:
+    """A light grain in a storm of dense gas has steps of picoseconds: those between two pauses are still a number that kernels hold."""
+    count = steps_within(1 / 60, step)
+    assert 1 <= count <= MOST_STEPS == np.iinfo(np.int32).max
+    assert count == MOST_STEPS or count == pytest.approx(1 / 60 / step, abs=1)
+    assert steps_within(step / 2, step) == 1

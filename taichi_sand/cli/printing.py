@@ -90,10 +90,9 @@ def effect_lines(effects: Any) -> list[str]:
     """All effects, a line each, with their parameters: what the package `effects` declares."""
     lines = []
     for name in effects.names():
-        module = effects.module(name)
-        about = (module.__doc__ or "").strip().splitlines()[0].rstrip(".")
-        keys = ", ".join(f"{p.name} = {p.default}{f' {p.unit}' if p.unit else ''}" for p in module.PARAMETERS)
-        lines.append(f"{name} ({', '.join(module.SOLVERS)}): {about}. {keys}")
+        effect, about = effects.find(name), effects.about(name).splitlines()[0].rstrip(".")
+        keys = ", ".join(f"{p.name} = {p.default}{f' {p.unit}' if p.unit else ''}" for p in effect.parameters)
+        lines.append(f"{name} ({', '.join(effect.solvers)}): {about}. {keys}")
     return lines
 
 

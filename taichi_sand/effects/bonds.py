@@ -11,24 +11,16 @@ STEP_SHARE of the limit of stability 2 / omega (physics.md C12, D1).
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import taichi as ti
 
+from taichi_sand.effects.base import Effect
 from taichi_sand.scene.bodies import neighbours
 from taichi_sand.scene.parameters import Parameter
 from taichi_sand.world.extras.links import link_way
 from taichi_sand.world.geometry import at_least, at_most
-
-PARAMETERS = (
-    Parameter("stiffness", 1000.0, "force of a bond over how much longer it is", "weights/d", low=0.0, high=1e7),
-    Parameter("damping", 0.1, "damping ratio of two grains and their bond", low=0.0, high=1.0),
-    Parameter("strength", 0.0, "pull at which a bond breaks, in weights of a mean grain; 0 = never", "weights", low=0.0, high=1e9),
-    Parameter("reach", 0.5, "bonded are grains up to this far apart, surface to surface", "d", low=0.0, high=4.0, live=False),
-)
-SOLVERS = ("md", "rigid")
-NEUTRAL = {"stiffness": 0.0}
 
 STEP_SHARE = 0.5
 """Of the longest stable step: the contacts need the rest, and a pair at it oscillates 5 % too fast."""
@@ -49,8 +41,38 @@ def overdone(w: ti.template(), beyond, stretch, speed, stiffness, dashpot):
 
 
 @dataclass(frozen=True, eq=False)
-class Bonds:
-    """The effect as kernels see it."""
+class Bonds(Effect):
+    """The effect."""
+
+    parameters = (
+        Parameter("stiffness", 1000.0, "force of a bond over how much longer it is", "weights/d", low=0.0, high=1e7),
+        Parameter("damping", 0.1, "damping ratio of two grains and their bond", low=0.0, high=1.0),
+        Parameter("strength", 0.0, "pull at which a bond breaks, in weights of a mean grain; 0 = never", "weights", low=0.0, high=1e9),
+        Parameter("reach", 0.5, "bonded are grains up to this far apart, surface to surface", "d", low=0.0, high=4.0, live=False),
+    )
+    neutral: ClassVar = {"stiffness": 0.0}
+
+    @classmethod
+    def misfit(cls, scene: Any) -> str:
+        """Why bonds do not fit a scene, or ""."""
+        both = "sleeping" in scene.effects and any(table.bonded for table in scene.grains)
+        return "does not fit [effects.sleeping]: sleepers would not feel their bonds" if both else ""
+
+    @classmethod
+    def links(cls, values: dict[str, Any], grains: Any) -> np.ndarray:
+        """Which grains of a pack are bonded, (n, 2)."""
+        return neighbours(grains, values["reach"])
+
+    @classmethod
+    def longest_step(cls, values: dict[str, Any], world: Any) -> float:
+        """Longest step that the bonds of a world allow [s]."""
+        box = world.box[None]
+        stiffness = values["stiffness"] * box.weight / box.diameter
+        if not world.linked or not stiffness or not world.links.give[None]:
+            return math.inf
+        omega = math.sqrt(stiffness * world.links.give[None])
+        ratio = values["damping"] * math.sqrt(world.links.heaviest[None] * world.links.give[None])
+        return STEP_SHARE * 2 / omega * (math.sqrt(1 + ratio**2) - ratio)
 
     @ti.func
     def link(self, w: ti.template(), c: ti.template(), k):
@@ -98,30 +120,3 @@ class Bonds:
         stiffness = c.bonds_stiffness * box.weight / box.diameter
         dashpot = 2.0 * c.bonds_damping * ti.sqrt(stiffness * w.links.mass[k])
         return distance - w.links.rest[k], motion.dot(normal), normal, stiffness, dashpot
-
-
-def misfit(scene: Any) -> str:
-    """Why bonds do not fit a scene, or ""."""
-    both = "sleeping" in scene.effects and any(table.bonded for table in scene.grains)
-    return "does not fit [effects.sleeping]: sleepers would not feel their bonds" if both else ""
-
-
-def links(values: dict[str, Any], grains: Any) -> np.ndarray:
-    """Which grains of a pack are bonded, (n, 2)."""
-    return neighbours(grains, values["reach"])
-
-
-def longest_step(values: dict[str, Any], world: Any) -> float:
-    """Longest step that the bonds of a world allow [s]."""
-    box = world.box[None]
-    stiffness = values["stiffness"] * box.weight / box.diameter
-    if not world.linked or not stiffness or not world.links.give[None]:
-        return math.inf
-    omega = math.sqrt(stiffness * world.links.give[None])
-    ratio = values["damping"] * math.sqrt(world.links.heaviest[None] * world.links.give[None])
-    return STEP_SHARE * 2 / omega * (math.sqrt(1 + ratio**2) - ratio)
-
-
-def build(values: dict[str, Any], columns: tuple, solver: str) -> Bonds:
-    """The effect for a world."""
-    return Bonds()

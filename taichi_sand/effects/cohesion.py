@@ -7,27 +7,47 @@ of 1 mm and 0.17 for 1 cm; sandcastles of centimetre grains need 5 to 20. With t
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import taichi as ti
 
+from taichi_sand.effects.base import Effect
 from taichi_sand.scene.parameters import Parameter
 from taichi_sand.world.extras.wetness import bridge_share
 from taichi_sand.world.geometry import at_least
 
-PARAMETERS = (
-    Parameter("bond_number", 5.0, "Bond number: pull of a bridge over the weight of a mean grain", low=0.0, high=1e4),
-    Parameter("rupture", 0.1, "distance at which a bridge ruptures", "d", low=0.001, high=0.5, live=False),
-)
-SOLVERS = ("md", "rigid")
-NEUTRAL = {"bond_number": 0.0}
-
 
 @dataclass(frozen=True, eq=False)
-class Cohesion:
-    """The effect as kernels see it."""
+class Cohesion(Effect):
+    """The effect."""
+
+    parameters = (
+        Parameter("bond_number", 5.0, "Bond number: pull of a bridge over the weight of a mean grain", low=0.0, high=1e4),
+        Parameter("rupture", 0.1, "distance at which a bridge ruptures", "d", low=0.001, high=0.5, live=False),
+    )
+    neutral: ClassVar = {"bond_number": 0.0}
 
     bridge: Any  # column of the neighbour list: 1 = there is a bridge
+
+    @classmethod
+    def memory(cls, values: dict, solver: str) -> int:
+        """Columns of the neighbour list that the effect needs."""
+        return 1
+
+    @classmethod
+    def build(cls, values: dict, columns: tuple, solver: str) -> "Cohesion":
+        """The effect for a world; `columns` are those that `memory` asked for."""
+        return cls(columns[0])
+
+    @classmethod
+    def reach(cls, values: dict) -> float:
+        """How far apart grains still act on one another, in mean diameters."""
+        return values["rupture"]
+
+    @classmethod
+    def pull(cls, values: dict) -> float:
+        """Strongest pull of a bridge, in weights of a mean grain."""
+        return values["bond_number"]
 
     @ti.func
     def _pull(self, w: ti.template(), c: ti.template(), p, gap, middle):
@@ -60,23 +80,3 @@ class Cohesion:
     def min_normal_impulse(self, w: ti.template(), c: ti.template(), p, gap, middle):
         """Lowest normal impulse."""
         return -c.step * self._pull(w, c, p, gap, middle)
-
-
-def memory(values: dict, solver: str) -> int:
-    """Columns of the neighbour list that the effect needs."""
-    return 1
-
-
-def reach(values: dict) -> float:
-    """How far apart grains still act on one another, in mean diameters."""
-    return values["rupture"]
-
-
-def pull(values: dict) -> float:
-    """Strongest pull of a bridge, in weights of a mean grain."""
-    return values["bond_number"]
-
-
-def build(values: dict, columns: tuple, solver: str) -> Cohesion:
-    """The effect for a world; `columns` are those that `memory` asked for."""
-    return Cohesion(columns[0])

@@ -7,25 +7,13 @@ accumulated tangential impulse, which is static friction too; there the model ma
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import taichi as ti
 
+from taichi_sand.effects.base import Effect
 from taichi_sand.scene.parameters import Parameter
 from taichi_sand.world.geometry import within
-
-PARAMETERS = (
-    Parameter("mu", 0.5, "coefficient of friction: largest tangential force over the normal one", low=0.0, high=10.0),
-    Parameter(
-        "model",
-        "spring",
-        "md only: spring (static friction), viscous or sign (both creep)",
-        choices=("spring", "viscous", "sign"),
-        live=False,
-    ),
-)
-SOLVERS = ("md", "rigid")
-NEUTRAL = {"mu": 0.0}
 
 SPRING = 2.0 / 7.0
 """Tangential over normal stiffness, the value for which a sphere's tangential and normal oscillations keep pace (Walton & Braun 1986)."""
@@ -35,17 +23,40 @@ VISCOUS = 0.7
 """Slope of the viscous model, over the root of stiffness times effective mass."""
 
 
-def resists(values: dict[str, Any]) -> bool:
-    """Whether contacts resist sliding."""
-    return values["mu"] > 0.0
-
-
 @dataclass(frozen=True, eq=False)
-class Friction:
-    """The effect as kernels see it."""
+class Friction(Effect):
+    """The effect."""
+
+    parameters = (
+        Parameter("mu", 0.5, "coefficient of friction: largest tangential force over the normal one", low=0.0, high=10.0),
+        Parameter(
+            "model",
+            "spring",
+            "md only: spring (static friction), viscous or sign (both creep)",
+            choices=("spring", "viscous", "sign"),
+            live=False,
+        ),
+    )
+    neutral: ClassVar = {"mu": 0.0}
+    turns = True
 
     model: str
     spring: Any  # column of the neighbour list: stretch of the tangential spring [m]
+
+    @classmethod
+    def memory(cls, values: dict, solver: str) -> int:
+        """Columns of the neighbour list that the effect needs."""
+        return 1 if solver == "md" and values["model"] == "spring" else 0
+
+    @classmethod
+    def build(cls, values: dict, columns: tuple, solver: str) -> "Friction":
+        """The effect for a world; `columns` are those that `memory` asked for."""
+        return cls(values["model"] if solver == "md" else "", columns[0] if columns else None)
+
+    @classmethod
+    def resists(cls, values: dict[str, Any]) -> bool:
+        """Whether contacts resist sliding."""
+        return values["mu"] > 0.0
 
     @ti.func
     def _coefficient(self, w: ti.template(), c: ti.template(), p, wall: ti.template()):
@@ -96,17 +107,3 @@ class Friction:
     def friction_bound(self, w: ti.template(), c: ti.template(), p, wall: ti.template(), normal):
         """Largest tangential impulse for a normal one."""
         return self._coefficient(w, c, p, wall) * normal
-
-
-def memory(values: dict, solver: str) -> int:
-    """Columns of the neighbour list that the effect needs."""
-    return 1 if solver == "md" and values["model"] == "spring" else 0
-
-
-def build(values: dict, columns: tuple, solver: str) -> Friction:
-    """The effect for a world; `columns` are those that `memory` asked for."""
-    return Friction(values["model"] if solver == "md" else "", columns[0] if columns else None)
-
-
-TURNS = True
-"""Friction turns grains: without an effect that does, spins are not computed."""

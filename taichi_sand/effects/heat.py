@@ -10,29 +10,51 @@ Temperatures are those above the one that all grains start with; nothing else in
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import taichi as ti
 
+from taichi_sand.effects.base import Effect
 from taichi_sand.scene.parameters import Parameter
 from taichi_sand.world.geometry import add, distance_to_second, mobility
 from taichi_sand.world.sweep import every_pair
 
-PARAMETERS = (
-    Parameter("capacity", 800.0, "specific heat; that of quartz is 800", "J/(kg K)", low=1e-3, high=1e6),
-    Parameter("conduction", 1.0, "rate at which two grains that touch even out their temperatures", "1/s", low=0.0, high=1e4),
-)
-SOLVERS = ("md", "rigid")
-NEUTRAL: dict[str, float] = {}
 INTERVAL = 1 / 60
 
 
 @dataclass(frozen=True, eq=False)
-class Heat:
-    """The effect as kernels see it."""
+class Heat(Effect):
+    """The effect."""
+
+    parameters = (
+        Parameter("capacity", 800.0, "specific heat; that of quartz is 800", "J/(kg K)", low=1e-3, high=1e6),
+        Parameter("conduction", 1.0, "rate at which two grains that touch even out their temperatures", "1/s", low=0.0, high=1e4),
+    )
+    neutral: ClassVar = {}
+    interval = INTERVAL
 
     held: Any  # md: column of the neighbour list, elastic energy that the pair holds [J]
-    interval = INTERVAL
+
+    @classmethod
+    def misfit(cls, scene: Any) -> str:
+        """Why it does not fit `scene`, or ""."""
+        fits = scene.solver.kind != "md" or scene.solver.integrator == "symplectic_euler"
+        return "" if fits else f'does not fit the integrator {scene.solver.integrator}, only "symplectic_euler"'
+
+    @classmethod
+    def memory(cls, values: dict[str, Any], solver: str) -> int:
+        """Columns of the neighbour list that the effect needs."""
+        return 1 if solver == "md" else 0
+
+    @classmethod
+    def carried(cls, values: dict[str, Any]) -> dict[str, float]:
+        """Columns that follow a grain: its temperature above the start [K], and the heat [J] since that was last brought up to date."""
+        return {"temperature": 0.0, "warmth": 0.0}
+
+    @classmethod
+    def build(cls, values: dict[str, Any], columns: tuple, solver: str) -> "Heat":
+        """The effect for a world; `columns` are those that `memory` asked for."""
+        return cls(columns[0] if columns else None)
 
     @ti.func
     def heat(self, w: ti.template(), i, energy):
@@ -78,24 +100,3 @@ def conduct(w: ti.template(), s: ti.template(), share: ti.template(), p, wall: t
                 flow = share * (temperature[j] - temperature[i]) / (one + two)  # over the specific heat [kg K]
                 add(temperature, i, flow * one)
                 add(temperature, j, -flow * two)
-
-
-def memory(values: dict[str, Any], solver: str) -> int:
-    """Columns of the neighbour list that the effect needs."""
-    return 1 if solver == "md" else 0
-
-
-def carried(values: dict[str, Any]) -> dict[str, float]:
-    """Columns that follow a grain: its temperature above the start [K], and the heat [J] since that was last brought up to date."""
-    return {"temperature": 0.0, "warmth": 0.0}
-
-
-def misfit(scene: Any) -> str:
-    """Why it does not fit `scene`, or ""."""
-    fits = scene.solver.kind != "md" or scene.solver.integrator == "symplectic_euler"
-    return "" if fits else f'does not fit the integrator {scene.solver.integrator}, only "symplectic_euler"'
-
-
-def build(values: dict[str, Any], columns: tuple, solver: str) -> Heat:
-    """The effect for a world; `columns` are those that `memory` asked for."""
-    return Heat(columns[0] if columns else None)

@@ -8,24 +8,17 @@ here: this is a field on the grains, not a flow.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import taichi as ti
 
+from taichi_sand.effects.base import Effect
 from taichi_sand.scene.parameters import Parameter
 from taichi_sand.world.extras.wetness import MOIST, bond_share
 from taichi_sand.world.geometry import add, at_least, at_most, distance_to_second
 from taichi_sand.world.sleep.state import call
 from taichi_sand.world.sweep import every_pair
 
-PARAMETERS = (
-    Parameter("wetness", 0.1, "share of the pores that is full of water at the start", low=0.0, high=1.0, live=False),
-    Parameter("drain", 2.0, "rate at which the water that grains do not hold runs down to the next", "1/s", low=0.0, high=1e3),
-    Parameter("spread", 0.5, "rate at which the wetness of two grains that touch evens out", "1/s", low=0.0, high=1e3),
-    Parameter("evaporation", 0.0, "share of its water that a free grain loses in a second", "1/s", low=0.0, high=1e3),
-)
-SOLVERS = ("md", "rigid")
-NEUTRAL = {"wetness": 0.1, "drain": 0.0, "spread": 0.0, "evaporation": 0.0}
 INTERVAL = 1 / 30
 SHIELD = 6
 """Contacts around which no air is left."""
@@ -34,10 +27,22 @@ WAKING = 0.02
 
 
 @dataclass(frozen=True)
-class Moisture:
+class Moisture(Effect):
     """The effect: all it does lies between the launches, and in the pull of `cohesion`."""
 
+    parameters = (
+        Parameter("wetness", 0.1, "share of the pores that is full of water at the start", low=0.0, high=1.0, live=False),
+        Parameter("drain", 2.0, "rate at which the water that grains do not hold runs down to the next", "1/s", low=0.0, high=1e3),
+        Parameter("spread", 0.5, "rate at which the wetness of two grains that touch evens out", "1/s", low=0.0, high=1e3),
+        Parameter("evaporation", 0.0, "share of its water that a free grain loses in a second", "1/s", low=0.0, high=1e3),
+    )
+    neutral: ClassVar = {"wetness": 0.1, "drain": 0.0, "spread": 0.0, "evaporation": 0.0}
     interval = INTERVAL
+
+    @classmethod
+    def carried(cls, values: dict[str, Any]) -> dict[str, float]:
+        """Columns that follow a grain: its wetness, its contacts, and the share of the pull of its bridges when it was last awake."""
+        return {"wetness": values["wetness"], "contacts": 0.0, "bonded": 1.0}
 
     def on_pause(self, world: Any, solver: Any) -> None:
         """Moves the water, and wakes sleepers whose bridges have changed."""
@@ -95,13 +100,3 @@ def exchange(w: ti.template(), s: ti.template(), shares: ti.template(), p, wall:
 def runoff(upper, room, lower, room_below, share):
     """Water that runs from a grain to the one below [m2]: the share of what the upper one does not hold, if there is room."""
     return at_most(at_least(0.0, upper - MOIST) * room * share, at_least(0.0, 1.0 - lower) * room_below)
-
-
-def carried(values: dict[str, Any]) -> dict[str, float]:
-    """Columns that follow a grain: its wetness, its contacts, and the share of the pull of its bridges when it was last awake."""
-    return {"wetness": values["wetness"], "contacts": 0.0, "bonded": 1.0}
-
-
-def build(values: dict[str, Any], columns: tuple, solver: str) -> Moisture:
-    """The effect for a world."""
-    return Moisture()

@@ -5,38 +5,32 @@ it on when it is first called, which compiles the steps anew; a scene that has i
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import taichi as ti
 
+from taichi_sand.effects.base import Effect
 from taichi_sand.world.extras.steady_force import COLUMNS, largest_force, steady_force
-
-PARAMETERS = ()
-SOLVERS = ("md", "rigid")
-NEUTRAL: dict[str, float] = {}
-TURNS = True
 
 
 @dataclass(frozen=True)
-class Push:
-    """The effect as kernels see it."""
+class Push(Effect):
+    """The effect."""
+
+    neutral: ClassVar = {}
+    turns = True
+
+    @classmethod
+    def carried(cls, values: dict[str, Any]) -> dict[str, float]:
+        """Columns that follow a grain: its force [N] and torque [N m]."""
+        return dict.fromkeys(COLUMNS, 0.0)
+
+    @classmethod
+    def steady(cls, values: dict[str, Any], world: Any) -> float:
+        """Largest force on a single grain [N]."""
+        return largest_force(world)
 
     @ti.func
     def body(self, w: ti.template(), c: ti.template(), i):
         """Force and torque on grain i."""
         return steady_force(w, i)
-
-
-def carried(values: dict[str, Any]) -> dict[str, float]:
-    """Columns that follow a grain: its force [N] and torque [N m]."""
-    return dict.fromkeys(COLUMNS, 0.0)
-
-
-def steady(values: dict[str, Any], world: Any) -> float:
-    """Largest force on a single grain [N]."""
-    return largest_force(world)
-
-
-def build(values: dict[str, Any], columns: tuple, solver: str) -> Push:
-    """The effect for a world."""
-    return Push()

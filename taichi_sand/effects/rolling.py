@@ -7,17 +7,13 @@ A grain stands on a slope up to tan θ = mu_r, and rolls 3 v² / (4 mu_r g) far 
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import taichi as ti
 
+from taichi_sand.effects.base import Effect
 from taichi_sand.scene.parameters import Parameter
 from taichi_sand.world.geometry import within
-
-PARAMETERS = (Parameter("mu", 0.1, "largest couple over normal force times radius", low=0.0, high=1.0),)
-SOLVERS = ("md", "rigid")
-NEUTRAL = {"mu": 0.0}
-TURNS = True
 
 STIFFNESS = 2.25
 """Rolling stiffness over mu_r² k R² (Ai et al. 2011)."""
@@ -30,10 +26,24 @@ ABOUT_CONTACT = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class Rolling:
-    """The effect as kernels see it."""
+class Rolling(Effect):
+    """The effect."""
+
+    parameters = (Parameter("mu", 0.1, "largest couple over normal force times radius", low=0.0, high=1.0),)
+    neutral: ClassVar = {"mu": 0.0}
+    turns = True
 
     torque: Any  # column of the neighbour list: couple on the second grain, of the spring (md) or carried (rigid) [N m]
+
+    @classmethod
+    def memory(cls, values: dict, solver: str) -> int:
+        """Columns of the neighbour list that the effect needs."""
+        return 1
+
+    @classmethod
+    def build(cls, values: dict, columns: tuple, solver: str) -> "Rolling":
+        """The effect for a world; `columns` are those that `memory` asked for."""
+        return cls(columns[0])
 
     @ti.func
     def couple(self, w: ti.template(), c: ti.template(), p, normal_force, roll, radius, stiffness, inertia):
@@ -59,13 +69,3 @@ class Rolling:
     def rolling_bound(self, w: ti.template(), c: ti.template(), p, normal, radius):
         """Largest angular impulse for a normal one."""
         return c.rolling_mu * radius * normal
-
-
-def memory(values: dict, solver: str) -> int:
-    """Columns of the neighbour list that the effect needs."""
-    return 1
-
-
-def build(values: dict, columns: tuple, solver: str) -> Rolling:
-    """The effect for a world; `columns` are those that `memory` asked for."""
-    return Rolling(columns[0])

@@ -8,26 +8,43 @@ The rule of the report itself is not on record in detail; this is its simplest r
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import taichi as ti
 
+from taichi_sand.effects.base import Effect
 from taichi_sand.scene.parameters import Parameter
 from taichi_sand.world.geometry import add, at_least, velocity, wrench
 
-PARAMETERS = (
-    Parameter("variant", "velocity", "what is left out along unsafe directions", choices=("force", "velocity"), live=False),
-    Parameter("share", 1.0, "how much of it is left out", low=0.0, high=1.0),
-)
-SOLVERS = ("md",)
-NEUTRAL = {"share": 0.0}
-
 
 @dataclass(frozen=True)
-class SafeDirection:
-    """The effect as kernels see it."""
+class SafeDirection(Effect):
+    """The effect."""
+
+    parameters = (
+        Parameter("variant", "velocity", "what is left out along unsafe directions", choices=("force", "velocity"), live=False),
+        Parameter("share", 1.0, "how much of it is left out", low=0.0, high=1.0),
+    )
+    solvers = ("md",)
+    neutral: ClassVar = {"share": 0.0}
 
     variant: str
+
+    @classmethod
+    def misfit(cls, scene: Any) -> str:
+        """Why it does not fit `scene`, or ""."""
+        fits = scene.solver.integrator == "symplectic_euler"
+        return "" if fits else f'does not fit the integrator {scene.solver.integrator}, only "symplectic_euler"'
+
+    @classmethod
+    def carried(cls, values: dict[str, Any]) -> dict[str, float]:
+        """Columns that follow a grain: the normals towards its contacts, summed, and the momentum taken from it so far [N s]."""
+        return dict.fromkeys(("unsafe_x", "unsafe_y", "taken_x", "taken_y"), 0.0)
+
+    @classmethod
+    def build(cls, values: dict[str, Any], columns: tuple, solver: str) -> "SafeDirection":
+        """The effect for a world."""
+        return cls(values["variant"])
 
     @ti.func
     def touch(self, w: ti.template(), i, j, normal, wall: ti.template()):
@@ -58,19 +75,3 @@ class SafeDirection:
             add(w.carried.taken_x, i, -force.x * c.step)
             add(w.carried.taken_y, i, -force.y * c.step)
         return wrench(force, 0.0)
-
-
-def carried(values: dict[str, Any]) -> dict[str, float]:
-    """Columns that follow a grain: the normals towards its contacts, summed, and the momentum taken from it so far [N s]."""
-    return dict.fromkeys(("unsafe_x", "unsafe_y", "taken_x", "taken_y"), 0.0)
-
-
-def misfit(scene: Any) -> str:
-    """Why it does not fit `scene`, or ""."""
-    fits = scene.solver.integrator == "symplectic_euler"
-    return "" if fits else f'does not fit the integrator {scene.solver.integrator}, only "symplectic_euler"'
-
-
-def build(values: dict[str, Any], columns: tuple, solver: str) -> SafeDirection:
-    """The effect for a world."""
-    return SafeDirection(values["variant"])

@@ -8,29 +8,25 @@ change of gravity or of a parameter. Grains of several discs sleep as discs do. 
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
+from taichi_sand.effects.base import Effect
 from taichi_sand.scene.parameters import Parameter
 from taichi_sand.world.sleep import state
 
-PARAMETERS = (
-    Parameter("speed", 1e-3, "below it a grain is still", "sqrt(g d)", low=0.0, high=0.1),
-    Parameter("time", 0.5, "how long a grain and all around it must be still", "s", low=0.0, high=1e3),
-    Parameter("share", 0.3, "imbalance of the forces on a sleeper that wakes it, over weight and contact forces", low=0.0, high=10.0),
-    Parameter("impact", 0.3, "approach of a grain that wakes a sleeper before it is hit", "sqrt(g d)", low=0.0, high=1e3),
-)
-SOLVERS = ("md", "rigid")
-NEUTRAL = {"speed": 0.0}
-SLEEPS = True
-
 
 @dataclass(frozen=True)
-class Sleeping:
+class Sleeping(Effect):
     """The effect: it looks who is still and who is out of balance; the march then rearranges the grains."""
 
+    parameters = (
+        Parameter("speed", 1e-3, "below it a grain is still", "sqrt(g d)", low=0.0, high=0.1),
+        Parameter("time", 0.5, "how long a grain and all around it must be still", "s", low=0.0, high=1e3),
+        Parameter("share", 0.3, "imbalance of the forces on a sleeper that wakes it, over weight and contact forces", low=0.0, high=10.0),
+        Parameter("impact", 0.3, "approach of a grain that wakes a sleeper before it is hit", "sqrt(g d)", low=0.0, high=1e3),
+    )
+    neutral: ClassVar = {"speed": 0.0}
+    sleeps = True
     interval = 1 / 60
+
     on_step = staticmethod(state.on_step)
-
-
-def build(values: dict, columns: tuple, solver: str) -> Sleeping:
-    """The effect for a world."""
-    return Sleeping()

@@ -54,6 +54,7 @@ from taichi_sand.measure.contacts import contacts as contact_rows
 from taichi_sand.measure.contacts import real_of
 from taichi_sand.measure.grain_state import wall_forces
 from taichi_sand.solvers.tolerance import softness
+from taichi_sand.world.extras.hooks import offers
 from taichi_sand.world.extras.links import ends_of
 from taichi_sand.world.sources import waiting
 
@@ -196,7 +197,7 @@ def own_numbers(sim: Any) -> dict[str, Any]:
     """What effects say of themselves."""
     found: dict[str, Any] = {}
     for effect in sim.solver.effects:
-        if hasattr(effect, "report"):
+        if offers(effect, "report"):
             found |= effect.report(sim.world, sim.solver)
     return found
 

@@ -93,7 +93,7 @@ def _of_solver(name: str, group: str, value: float | None = None, log: bool = Fa
 def _of_effect(name: str) -> list[Knob]:
     """The live numbers that an effect declares."""
     found = []
-    for p in effects.module(name).PARAMETERS:
+    for p in effects.find(name).parameters:
         if not p.live or isinstance(p.default, bool | str) or p.default is None:
             continue
         low = p.low if p.low is not None else -SPAN * abs(p.default or 1.0)

@@ -32,7 +32,7 @@ def keys(scene: Scene) -> list[str]:
     closed |= {"k_d"} if solver.k_d is None else {"restitution"} if solver.kind == "md" else set()
     closed |= set() if solver.law == "custom" else {"alpha", "beta"}
     found = ["gravity", "gravity.0", "gravity.1", *(f"solver.{name}" for name in Solver.model_fields if name not in closed)]
-    return found + [f"effects.{name}.{p.name}" for name in sorted(scene.effects) for p in effects.module(name).PARAMETERS if p.live]
+    return found + [f"effects.{name}.{p.name}" for name in sorted(scene.effects) for p in effects.find(name).parameters if p.live]
 
 
 def known(scene: Scene, key: str) -> str:
@@ -46,7 +46,7 @@ def known(scene: Scene, key: str) -> str:
 def parameter_of(key: str) -> Parameter:
     """What an effect declares of `key`."""
     _, name, parameter = key.split(".")
-    return next(p for p in effects.module(name).PARAMETERS if p.name == parameter)
+    return next(p for p in effects.find(name).parameters if p.name == parameter)
 
 
 def read(scene: Scene, key: str) -> Any:
@@ -77,7 +77,7 @@ def written(scene: Scene, key: str, value: Any) -> Scene:
     name, _, parameter = rest.partition(".")
     table = {**scene.effects[name], parameter: value}
     where = f"effects.{name}"
-    check_table(f"{scene.source}: {where}" if scene.source else where, table, effects.module(name).PARAMETERS)
+    check_table(f"{scene.source}: {where}" if scene.source else where, table, effects.find(name).parameters)
     new = scene.model_copy(update={"effects": {**scene.effects, name: table}})
     effects.check(new)  # whether it still fits the scene
     return new
@@ -110,7 +110,7 @@ def structure(scene: Scene) -> str:
     """What of a scene is compiled into its kernels, as a key."""
     solver = scene.solver
     fixed = {
-        name: {p.name: table[p.name] for p in effects.module(name).PARAMETERS if not p.live} for name, table in effects.check(scene).items()
+        name: {p.name: table[p.name] for p in effects.find(name).parameters if not p.live} for name, table in effects.check(scene).items()
     }
     return json.dumps([solver.kind, solver.law, solver.integrator, solver.k_d is None, solver.precision, fixed])
 

@@ -12,6 +12,7 @@ from taichi_sand.solvers import choose
 from taichi_sand.solvers.bed import DENSE, EARTH, REST, Bed, depth_of
 from taichi_sand.solvers.tolerance import follows_tolerance
 from taichi_sand.world import edit
+from taichi_sand.world.tables import steps_within
 
 LOOK, GROWTH = 0.25 / math.sqrt(0.01 / EARTH), 1.2
 """Simulated time between two looks at the pile, in sqrt(d / g), 0.25 s for grains of 1 cm; and by how much it must have grown in depth for
@@ -35,7 +36,7 @@ class Looking:
     _adopt: Any
 
     def _look_every(self) -> int:
-        return max(1, math.floor(LOOK * self.bed.moment / self.step))
+        return steps_within(LOOK * self.bed.moment, self.step)
 
     def _steps_to_look(self) -> int:
         """Steps until the next look at the depth, counted from when the step last changed."""

@@ -1,10 +1,10 @@
 """What acts between launches, and when: effects every so often, or when they have said; and sources."""
 
-import math
 from collections.abc import Callable
 from typing import Any
 
 from taichi_sand.world import sources
+from taichi_sand.world.tables import steps_within
 
 Act = Callable[[Any, Any], Any]
 
@@ -28,7 +28,7 @@ class Pausing:
             if name in self.due:
                 pauses.append((self._pace(name, effect), self.due[name]))
             else:
-                pauses.append((effect.on_pause, self._next(max(1, math.floor(effect.interval / self.step)))))
+                pauses.append((effect.on_pause, self._next(steps_within(effect.interval, self.step))))
         if self.scene.sources:
             pauses.append((self._pour, self._next(sources.steps_between(self.step))))
         return pauses
@@ -49,7 +49,7 @@ class Pausing:
         """Effects that pace themselves act before the first step."""
         self.due = {}
         for name, effect in self.pausing.items():
-            if not hasattr(effect, "interval"):
+            if effect.interval is None:
                 self._pace(name, effect)(self.world, self.solver)
 
     def _keep_due(self, before: float) -> None:

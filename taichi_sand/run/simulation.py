@@ -34,18 +34,16 @@ from taichi_sand.taichi_support.turns import turn
 from taichi_sand.world import edit, sources
 from taichi_sand.world.build import check_periodic, fill, make_world
 from taichi_sand.world.extras import hand as hands
+from taichi_sand.world.extras.hooks import offers
 from taichi_sand.world.search.growth import NO_ROOMS
 from taichi_sand.world.sleep.fall_asleep import wake
-from taichi_sand.world.tables import World
+from taichi_sand.world.tables import MOST_STEPS, World, steps_within
 from taichi_sand.world.walls.build import check_speeds, fastest_wall, set_patience, shortest_shake, wall_loads
 
 LEAST_ROOM = 1000
 """Room for grains that a user adds by hand."""
 WALL_ROOM = (4096, 65536)
 """Room for entries of walls (a grain's width of wall has some five), without and with a hand that may draw them."""
-
-MOST_STEPS = 2**31 - 1
-"""That a simulation counts."""
 
 
 class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Pausing, Keeping, Recorded, Readings):
@@ -118,7 +116,7 @@ class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Pausin
         if self.rooms == NO_ROOMS:  # tables that grow keep their numbers
             check_speeds(scene, self.numbers["speed_cap"])
         self.solver = field_pool.same(solver.build(scene, self.numbers, effect_modules.live(self.effects), own, tuple(built), self.world))
-        self.pausing = {name: effect for name, effect in zip(self.effects, built, strict=False) if hasattr(effect, "on_pause")}
+        self.pausing = {name: effect for name, effect in zip(self.effects, built, strict=False) if offers(effect, "on_pause")}
         """Effects that act between launches."""
 
     def _start_steps(self) -> None:
@@ -281,9 +279,7 @@ class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Pausin
     def _set_pace(self) -> None:
         for name in ("step", "speed_cap", "alert", "deep", "growth", "settling", "spare"):
             setattr(self.world.pace[None], name, self.numbers.get(name, 0.0))
-        self.world.pace[None].on_step = min(
-            (max(1, math.floor(e.interval / self.step)) for e in stepping.step_effects(self.solver)), default=0
-        )
+        self.world.pace[None].on_step = min((steps_within(e.interval, self.step) for e in stepping.step_effects(self.solver)), default=0)
         set_patience(self.world, self.scene)
 
     def _march(self, count: int) -> None:

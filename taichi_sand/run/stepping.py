@@ -6,6 +6,7 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.taichi_support.noinline import noinline
+from taichi_sand.world.extras.hooks import offers
 from taichi_sand.world.motion import close_step
 from taichi_sand.world.search.neighbour_list import build_neighbour_list, progress
 from taichi_sand.world.sleep.fall_asleep import rearrange, rebuild_neighbour_list
@@ -71,7 +72,7 @@ def start_anew(w: ti.template(), s: ti.template()):
 
 def step_effects(solver: Any) -> list[Any]:
     """Effects with the hook `on_step`."""
-    return [effect for effect in solver.effects if hasattr(effect, "on_step")]
+    return [effect for effect in solver.effects if offers(effect, "on_step")]
 
 
 @ti.func

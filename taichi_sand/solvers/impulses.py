@@ -6,6 +6,7 @@ import taichi as ti
 
 from taichi_sand.world.clumps import tilt, torques
 from taichi_sand.world.extras.energy_ledger import set_off, strike
+from taichi_sand.world.extras.hooks import offers
 from taichi_sand.world.geometry import (
     add,
     couple,
@@ -128,7 +129,7 @@ def friction_bound(w: ti.template(), s: ti.template(), c: ti.template(), p, wall
     """Largest tangential impulse for a normal one."""
     bound = 0.0
     for effect in ti.static(s.effects):
-        if ti.static(hasattr(effect, "friction_bound")):
+        if ti.static(offers(effect, "friction_bound")):
             bound += effect.friction_bound(w, c, p, wall, normal)
     return bound
 
@@ -138,7 +139,7 @@ def min_normal_impulse(w: ti.template(), s: ti.template(), c: ti.template(), p, 
     """Lowest normal impulse, from the gap now and in the middle of the step: 0, or less where an effect can pull."""
     low = 0.0
     for effect in ti.static(s.effects):
-        if ti.static(hasattr(effect, "min_normal_impulse")):
+        if ti.static(offers(effect, "min_normal_impulse")):
             low += effect.min_normal_impulse(w, c, p, gap, middle)
     return low
 
@@ -147,7 +148,7 @@ def min_normal_impulse(w: ti.template(), s: ti.template(), c: ti.template(), p, 
 def resist_rolling(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, normal, wall: ti.template()):
     """Solves pair p for its angular impulses, each within its bound."""
     for effect in ti.static(s.effects):
-        if ti.static(hasattr(effect, "rolling_bound")):
+        if ti.static(offers(effect, "rolling_bound")):
             roll, radius, inertia = rolling(w, p, i, j, wall)
             carried = effect.torque[p] * c.step
             new = within(effect.rolling_bound(w, c, p, normal, radius), carried - inertia * roll)
@@ -157,7 +158,7 @@ def resist_rolling(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j
 
 def pulls(solver: Any) -> bool:
     """Whether any effect can hold grains together."""
-    return any(hasattr(effect, "min_normal_impulse") for effect in solver.effects)
+    return any(offers(effect, "min_normal_impulse") for effect in solver.effects)
 
 
 @ti.func
@@ -178,7 +179,7 @@ def load_of(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, carri
     taken, given = torques(w, carried, arm_i, arm_j, lever)
     first, second = -wrench(push, taken), wrench(push, given)
     for effect in ti.static(s.effects):
-        if ti.static(hasattr(effect, "rolling_bound")):
+        if ti.static(offers(effect, "rolling_bound")):
             first -= couple(effect.torque[p] * c.step)
             second += couple(effect.torque[p] * c.step)
     return first, second

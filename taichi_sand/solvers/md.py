@@ -18,6 +18,7 @@ from taichi_sand.solvers.tighten import follow
 from taichi_sand.solvers.tolerance import md_numbers
 from taichi_sand.world.clumps import levers, rim, tilt, torques
 from taichi_sand.world.extras.energy_ledger import set_off, split
+from taichi_sand.world.extras.hooks import offers
 from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, motion_of, perp, rolling, wrench
 from taichi_sand.world.search.pair_history import hand_on
 from taichi_sand.world.tables import World, fill_struct
@@ -119,9 +120,9 @@ def resist(
     """Tangential force of pair p, which slips by `slip` [m/s]; adds what resists rolling to the loads, unless it is a trial."""
     force = 0.0
     for effect in ti.static(s.effects):
-        if ti.static(hasattr(effect, "tangent")):
+        if ti.static(offers(effect, "tangent")):
             force += effect.tangent(w, c, p, wall, normal_force, slip, stiffness, dashpot)
-        if ti.static(hasattr(effect, "couple") and not trial):
+        if ti.static(offers(effect, "couple") and not trial):
             roll, radius, inertia = rolling(w, p, i, j, wall)
             turn(w, s, c, i, j, effect.couple(w, c, p, normal_force, roll, radius, stiffness, inertia), wall)
     return force
@@ -152,7 +153,7 @@ def pushed(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, distan
         slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall)
         force.y = resist(w, s, c, p, i, j, force.x, slip, stiffness, dashpot, wall, trial)
     for effect in ti.static(s.effects):
-        if ti.static(hasattr(effect, "normal")):
+        if ti.static(offers(effect, "normal")):
             force.x += effect.normal(w, c, p, overlap)
     return force, arm_i, arm_j, lever, c.beta * stiffness, dashpot
 
@@ -171,15 +172,15 @@ def contact(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
     if overlap > 0.0:
         force, arm_i, arm_j, lever, _stiffness, _dashpot = pushed(w, s, c, p, i, j, distance, normal, wall, False)
         for effect in ti.static(s.effects):
-            if ti.static(hasattr(effect, "touch")):
+            if ti.static(offers(effect, "touch")):
                 effect.touch(w, i, j, normal, wall)
         load(w, s, c, i, j, force, normal, arm_i, arm_j, lever, wall)
         feel(w, s, c, p, distance, normal, force, overlap, wall)
     else:
         for effect in ti.static(s.effects):
-            if ti.static(hasattr(effect, "release")):
+            if ti.static(offers(effect, "release")):
                 effect.release(w, p)
-            if ti.static(hasattr(effect, "normal")):
+            if ti.static(offers(effect, "normal")):
                 force.x += effect.normal(w, c, p, overlap)
                 lever = ti.Vector([0.0, 0.0, 0.0, 0.0])
                 if ti.static(w.clumps):
@@ -210,7 +211,7 @@ def press(w: ti.template(), s: ti.template(), c: ti.template(), p, m, time):
     else:
         force = ti.Vector([0.0, 0.0])
         for effect in ti.static(s.effects):
-            if ti.static(hasattr(effect, "normal")):
+            if ti.static(offers(effect, "normal")):
                 force.x += effect.normal(w, c, p, overlap)
         part.x = along_course(w, m, force, normal)
     for k in ti.static(range(len(memory))):
@@ -259,10 +260,10 @@ def hold(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, overlap,
             stiffness = elastic_stiffness(s, c, overlap)
             energy = stiffness * overlap * overlap / (c.beta + 1.0)
         for effect in ti.static(s.effects):
-            if ti.static(hasattr(effect, "stored")):
+            if ti.static(offers(effect, "stored")):
                 energy += effect.stored(w, c, p, overlap, stiffness)
         for effect in ti.static(s.effects):
-            if ti.static(hasattr(effect, "store")):
+            if ti.static(offers(effect, "store")):
                 split(w, s, i, j, effect.store(w, p, energy) - energy, wall)
 
 
@@ -283,6 +284,6 @@ def build(scene: Any, values: dict[str, float], live: dict[str, float], own: lis
     solver = scene.solver
     constants = fill_struct(constants_type(world.real, live), {**values, **live})
     stages = allocate_stages(world.real, world.capacity) if solver.integrator == "rk4" else None
-    books = any(hasattr(effect, "heat") for effect in effects)
+    books = any(offers(effect, "heat") for effect in effects)
     weighted, lags = solver.k_d is None, solver.integrator == "symplectic_euler"
     return MolecularDynamics(constants, solver.law, weighted, INTEGRATORS[solver.integrator], run_walls, stages, effects, step, books, lags)

@@ -25,6 +25,7 @@ from taichi_sand.solvers.projection import OVER_RELAXATION, project, touches
 from taichi_sand.solvers.tolerance import rigid_numbers
 from taichi_sand.taichi_support import field_pool
 from taichi_sand.world.extras.energy_ledger import settle_work
+from taichi_sand.world.extras.hooks import offers
 from taichi_sand.world.extras.links import pull_links, settle_links
 from taichi_sand.world.geometry import add, at_least, movable, wrench
 from taichi_sand.world.motion import drift, with_body
@@ -244,4 +245,4 @@ def build(scene: Any, values: dict[str, float], live: dict[str, float], own: lis
     """The solver for a world; `own` holds the columns of the neighbour list that MEMORY asked for, `live` the effects' live parameters."""
     constants = fill_struct(constants_type(world.real, live), {**values, **live})
     struck, near = field_pool.scalars(ti.i32, world.capacity), field_pool.scalars(ti.i32, world.capacity)
-    return Rigid(constants, own[0], struck, tuple(own[1:]), near, effects, step, renew, any(hasattr(effect, "heat") for effect in effects))
+    return Rigid(constants, own[0], struck, tuple(own[1:]), near, effects, step, renew, any(offers(effect, "heat") for effect in effects))

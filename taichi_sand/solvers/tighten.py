@@ -14,6 +14,7 @@ import taichi as ti
 
 from taichi_sand.solvers.bed import EARTH, REST
 from taichi_sand.world.edit import strained
+from taichi_sand.world.extras.hooks import offers
 from taichi_sand.world.geometry import distance_to_second, motion_of
 from taichi_sand.world.sweep import every_pair
 
@@ -47,12 +48,12 @@ def retighten(w: ti.template(), s: ti.template(), change: ti.template(), p, wall
         force = ti.select(quiet, 1.0, ti.sqrt(stiffness / before))
         energy = stiffness * pressed * pressed / (c.beta + 1.0)
         for effect in ti.static(s.effects):
-            if ti.static(hasattr(effect, "tighten")):
+            if ti.static(offers(effect, "tighten")):
                 effect.tighten(w, p, force * before / stiffness, force)
-            if ti.static(s.books and hasattr(effect, "stored")):
+            if ti.static(s.books and offers(effect, "stored")):
                 energy += effect.stored(w, c, p, pressed, stiffness)
         for effect in ti.static(s.effects):
-            if ti.static(s.books and hasattr(effect, "store")):
+            if ti.static(s.books and offers(effect, "store")):
                 effect.store(w, p, energy)
 
 

@@ -13,7 +13,7 @@ from taichi_sand.scene.packing import parted
 from taichi_sand.taichi_support import field_pool
 from taichi_sand.world import flags
 from taichi_sand.world.clumps import build_shapes
-from taichi_sand.world.extras.grain_columns import allocate_carried
+from taichi_sand.world.extras.grain_rows import allocate_carried, allocate_grains, new_rows
 from taichi_sand.world.extras.links import build_links
 from taichi_sand.world.search.cell_list import allocate_grid
 from taichi_sand.world.search.growth import KINDS, NO_ROOMS, Rooms, Sizes, foreseen, sizes_of
@@ -28,7 +28,6 @@ from taichi_sand.world.tables import (
     STRIPS,
     World,
     allocate_blocks,
-    allocate_grains,
     allocate_pairs,
     box_type,
     pace_type,
@@ -208,19 +207,7 @@ def fill(world: World, pack: Pack) -> None:
     count, g = len(pack.radius), world.grains
     spacing = np.array(world.box[None].spacing.to_list())
     position = parted(pack, np.array(world.box[None].size.to_list()))
-    site = np.floor(position / spacing).astype(np.int32)
-    movable = ~pack.fixed
-    columns = {
-        "site": site,
-        "offset": position - (site + 0.5) * spacing,
-        "twist": np.column_stack([pack.velocity, pack.spin, np.zeros(count)]) * movable[:, None],
-        "angle": pack.angle,
-        "radius": pack.radius,
-        "mobility": np.column_stack([1 / pack.mass, 1 / pack.mass, 1 / pack.inertia, np.zeros(count)]) * movable[:, None],
-        "id": np.arange(count, dtype=np.int32),
-        "kind": pack.kind,
-    }
-    for name, values in columns.items():
+    for name, values in new_rows({**vars(pack), "position": position}, 0, spacing).items():
         field = getattr(g, name)
         kind = {ti.i32: np.int32, ti.f32: np.float32, ti.f64: np.float64}[field.dtype]
         whole = np.zeros((world.capacity, *values.shape[1:]), kind)

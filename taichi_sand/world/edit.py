@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from taichi_sand.world.extras.grain_columns import start_anew
+from taichi_sand.world.extras.grain_rows import beside, new_rows, put_row
 from taichi_sand.world.geometry import distance_to_second, mobility, motion_of, movable, position, velocity
 from taichi_sand.world.motion import speed_squared
 from taichi_sand.world.sleep.fall_asleep import wake
@@ -18,25 +18,15 @@ from taichi_sand.world.walls.motion import held_up
 
 LEVELS = 4
 """Overlaps are told apart by powers of two."""
-NUMBERS = 9
-"""Columns of `put`: offset x, y, velocity x, y, spin, angle, radius, 1/mass, 1/inertia."""
 
 
 @ti.kernel
 def put(w: ti.template(), numbers: ti.types.ndarray(), whole: ti.types.ndarray()):
-    """Writes new grains behind those there are; `whole` is site x, y, id, kind."""
-    g = ti.static(w.grains)
+    """Writes new grains behind those there are."""
     ti.loop_config(serialize=True)
     for k in range(whole.shape[0]):
         i = w.count[None] + k
-        g.site[i], g.id[i], g.kind[i] = ti.Vector([whole[k, 0], whole[k, 1]]), whole[k, 2], whole[k, 3]
-        g.offset[i], g.shift[i] = ti.Vector([numbers[k, 0], numbers[k, 1]]), ti.Vector([0.0, 0.0])
-        g.start_velocity[i] = ti.Vector([numbers[k, 2], numbers[k, 3]])
-        g.twist[i] = ti.Vector([numbers[k, 2], numbers[k, 3], numbers[k, 4], 0.0])
-        g.angle[i], g.turn[i], g.radius[i] = numbers[k, 5], 0.0, numbers[k, 6]
-        g.mobility[i] = ti.Vector([numbers[k, 7], numbers[k, 7], numbers[k, 8], 0.0])
-        g.wrench[i] = ti.Vector([0.0, 0.0, 0.0, 0.0])
-        start_anew(w, i)
+        put_row(w, whole, numbers, k, i)
         for half in ti.static(range(2)):  # nobody remembers a pair of a grain that was not there
             w.pairs.row_count[half * w.capacity + i], w.pairs.wall_row_count[half * w.capacity + i] = 0, 0
 
@@ -236,20 +226,13 @@ def add(world: World, grains: dict[str, np.ndarray], first_id: int) -> None:
 
     Args:
         world: where to.
-        grains: position, velocity (n, 2), angle, spin, radius, mass, inertia, kind (n,); SI.
+        grains: as for extras.grain_rows.new_rows.
         first_id: an id that was never given before, and all above it.
     """
     wake(world)
     count = len(grains["radius"])
-    spacing = np.array(world.box[None].spacing.to_list())
-    site = np.floor(grains["position"] / spacing)
-    numbers = np.column_stack(
-        [grains["position"] - (site + 0.5) * spacing, grains["velocity"]]
-        + [grains[name] for name in ("spin", "angle", "radius")]
-        + [1 / grains["mass"], 1 / grains["inertia"]]
-    ).astype(real_of(world))
-    whole = np.column_stack([site, first_id + np.arange(count), grains["kind"]]).astype(np.int32)
-    put(world, numbers, whole)
+    rows = new_rows(grains, first_id, np.array(world.box[None].spacing.to_list()))
+    put(world, beside(rows, False).astype(real_of(world)), beside(rows, True).astype(np.int32))
     world.count[None] += count
     if world.sleeps:
         world.sleep.state[None].awake += count

@@ -5,6 +5,7 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.world.clumps import head, off_arc, span
+from taichi_sand.world.extras.hooks import offers
 from taichi_sand.world.extras.links import pull_of
 from taichi_sand.world.flags import NOT_FINITE, TOO_FAST, flag
 from taichi_sand.world.geometry import add, at_least, spin, velocity
@@ -61,7 +62,7 @@ def fastest_spin(w: ti.template()):
 
 def pushes(solver: Any) -> bool:
     """Whether any effect is a force on grains."""
-    return any(hasattr(effect, "body") for effect in solver.effects)
+    return any(offers(effect, "body") for effect in solver.effects)
 
 
 @ti.func
@@ -73,7 +74,7 @@ def with_body(w: ti.template(), s: ti.template(), c: ti.template(), i, load, tim
     if ti.static(pushes(s)):
         push = ti.Vector([0.0, 0.0, 0.0, 0.0])
         for effect in ti.static(s.effects):
-            if ti.static(hasattr(effect, "body")):
+            if ti.static(offers(effect, "body")):
                 push += effect.body(w, c, i)
         total += time * followed(w, i, push)
     return total

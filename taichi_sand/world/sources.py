@@ -15,7 +15,7 @@ from taichi_sand.scene.room import Room
 from taichi_sand.scene.shapes import inertia, mass
 from taichi_sand.world import edit
 from taichi_sand.world.flags import SOURCE_FULL, raise_flag
-from taichi_sand.world.tables import World
+from taichi_sand.world.tables import World, steps_within
 from taichi_sand.world.walls.build import wall_segments
 
 INTERVAL = 1 / 60
@@ -63,7 +63,7 @@ def foreseen(scene: Any, pack: Pack) -> Pack:
 
 def steps_between(step: float) -> int:
     """Steps of `step` [s] between two looks at what is due."""
-    return max(1, math.floor(INTERVAL / step))
+    return steps_within(INTERVAL, step)
 
 
 def due(source: Any, time: float) -> int:

@@ -17,6 +17,7 @@ import numpy as np
 import taichi as ti
 
 from taichi_sand.taichi_support import field_pool
+from taichi_sand.world.extras.grain_rows import Grains
 
 STRIPS = 64
 """Most strips of columns that one sweep is cut into, when it is cut into strips at all; even."""
@@ -44,26 +45,8 @@ ABREAST = 16
 FEW_ABREAST = 4
 """Grains looked at side by side in the layout "cells": about what three cells hold."""
 FAR = 1e15
-
-
-class Grains(NamedTuple):
-    """One row a grain, shape (capacity,); 2-vectors unless said otherwise."""
-
-    site: Any  # lattice site at the last list build, i32
-    offset: Any  # place within the site at the last list build, from its centre [m]
-    shift: Any  # moved since the last list build [m]
-    twist: Any  # motion: velocity x, y [m/s], spin [rad/s], 0; a 4-vector, so that one instruction moves it
-    start_velocity: Any  # velocity at the last list build: the list build has foreseen a straight flight with it [m/s]
-    angle: Any  # at the last list build [rad], scalar, in -pi..pi
-    turn: Any  # turned since the last list build [rad], scalar
-    radius: Any  # of the disc, or of the circle about its centre of mass that holds a grain of several discs [m], scalar
-    mobility: Any  # 1/mass, 1/mass [1/kg], 1/moment of inertia [1/(kg m2)], 0: a 4-vector; zeros = fixed
-    wrench: Any  # contact force x, y and torque of this step [N, N, N m] (md), or the contact impulses to start the next step with
-    #              [N s, N s, N m s] (rigid), 0: a 4-vector
-    id: Any  # index of the grain in the order in which they were made, i32 scalar; below 0 = the next list build drops it
-    kind: Any  # which [[grains]] table made it, or after them which of the [[sources]], i32 scalar
-    heading: Any  # clumps only: cosine and sine of angle + turn
-    start_spin: Any  # clumps only: spin at the last list build [rad/s], scalar
+MOST_STEPS = 2**31 - 1
+"""That a simulation counts."""
 
 
 class Pairs(NamedTuple):
@@ -212,6 +195,11 @@ def box_type(real: Any) -> Any:
     )
 
 
+def steps_within(seconds: float, step: float) -> int:
+    """Whole steps of `step` [s] in so long, as the kernels count them: 1 at least, MOST_STEPS at most."""
+    return max(1, math.floor(min(seconds / step, MOST_STEPS)))
+
+
 LEAST_ROOM = 4096
 """Least room for cells, and for lattice sites and what is felt from them: so all small boxes are alike to kernels."""
 
@@ -232,20 +220,6 @@ def write_rows(field: Any, values: np.ndarray) -> None:
     if len(values):
         whole[: len(values)] = values
     field.from_numpy(whole)
-
-
-def allocate_grains(real: Any, rows: int, clumps: bool) -> Grains:
-    """Empty grain table of `rows` rows."""
-    width = {"site": 2, "offset": 2, "shift": 2, "start_velocity": 2, "twist": 4, "mobility": 4, "wrench": 4, "heading": 2}
-    whole = {"site", "id", "kind"}
-    columns = []
-    for name in Grains._fields:
-        kind = ti.i32 if name in whole else real
-        if name in ("heading", "start_spin") and not clumps:
-            columns.append(None)
-            continue
-        columns.append(field_pool.vectors(width[name], kind, rows) if name in width else field_pool.scalars(kind, rows))
-    return Grains(*columns)
 
 
 def allocate_pairs(

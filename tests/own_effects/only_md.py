@@ -1,8 +1,9 @@
 """An effect that fits one solver only."""
 
-PARAMETERS = ()
-SOLVERS = ("md",)
+from taichi_sand.effects import Effect
 
 
-def build(values: dict, columns: tuple, solver: str) -> None:
-    """Never called."""
+class OnlyMd(Effect):
+    """Never built."""
+
+    solvers = ("md",)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers import D, Disc, G, M, R, kinetic, simulate
 
+from taichi_sand.world.extras.hooks import offers
 from taichi_sand.world.walls.build import standing_walls
 
 K = 2e6
@@ -29,7 +30,7 @@ def heat(sim, discs) -> float:
 
 def held(sim) -> float:
     """Elastic energy of all pairs [J], md."""
-    w, effect = sim.world, next(e for e in sim.solver.effects if hasattr(e, "store"))
+    w, effect = sim.world, next(e for e in sim.solver.effects if offers(e, "store"))
     rows = effect.held.to_numpy()
     spans = [(w.blocks.pair_start[0], w.blocks.pair_end[0]), (w.blocks.wall_start[0], w.blocks.wall_end[0])]
     return float(sum(rows[low:high].sum() for low, high in spans))

@@ -121,7 +121,7 @@ class Panel:
     def _effects(self, session: "Session") -> None:
         scene = session.sim.scene
         self._head("EFFECTS", "off: they cost nothing" if len(scene.effects) < len(effects.names()) else "")
-        fitting = [name for name in effects.names() if scene.solver.kind in effects.module(name).SOLVERS]
+        fitting = [name for name in effects.names() if scene.solver.kind in effects.find(name).solvers]
         buttons = [(name, "", name in scene.effects, {"action": ("effect", name, name not in scene.effects)}) for name in fitting]
         self._buttons(buttons, 3)
         for knob in self.knobs:

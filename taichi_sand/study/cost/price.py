@@ -7,6 +7,7 @@ from typing import Any
 from taichi_sand import effects
 from taichi_sand.run.simulation import Simulation
 from taichi_sand.scene.schema import Scene
+from taichi_sand.world.extras.hooks import offers
 
 LOOPS = {
     **dict.fromkeys(("normal", "tangent", "couple", "touch", "release", "store"), "pairs"),
@@ -42,13 +43,13 @@ def inventory(sim: Simulation) -> list[dict[str, Any]]:
             rows.append({"name": name, "on": False})
             continue
         effect, values = built[name], sim.effects[name]
-        hooks = [hook for hook in {**effects.HOOKS[kind], **effects.HOOKS["both"]} if hasattr(effect, hook)]
+        hooks = [hook for hook in {**effects.HOOKS[kind], **effects.HOOKS["both"]} if offers(effect, hook)]
         loops = sorted({LOOPS[hook] for hook in hooks if hook in LOOPS})
         if "on_pause" in hooks:
-            loops.append(f"pauses of {effect.interval:.3g} s" if hasattr(effect, "interval") else "pauses of its own")
+            loops.append(f"pauses of {effect.interval:.3g} s" if effect.interval else "pauses of its own")
         if "on_step" in hooks:
             loops.append(f"looks every {effect.interval:.3g} s")
-        live = {p.name: values[p.name] for p in effects.module(name).PARAMETERS if p.live}
+        live = {p.name: values[p.name] for p in effects.find(name).parameters if p.live}
         size = effects.columns(name, values, kind) * bytes_of(sim.world.pairs.gap)
         size += sum(bytes_of(getattr(sim.world.carried, column)) for column in effects.carried({name: values}))
         if effects.sleeps([name]):
@@ -79,8 +80,8 @@ def variants(scene: Scene) -> dict[str, Scene]:
         rest = {other: table for other, table in scene.effects.items() if other != name}
         found[f"-{name}"] = scene.model_copy(update={"effects": rest})
     for name in effects.fitting(scene.solver.kind):
-        if name not in scene.effects and hasattr(effects.module(name), "NEUTRAL"):
-            table = dict(effects.module(name).NEUTRAL)
+        if name not in scene.effects and effects.find(name).neutral is not None:
+            table = dict(effects.find(name).neutral or {})
             found[f"+{name}"] = scene.model_copy(update={"effects": {**scene.effects, name: table}})
     return found
 

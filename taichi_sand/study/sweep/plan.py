@@ -123,7 +123,7 @@ def _job(scene: Scene | None, refusal: str, values: dict[str, Any], asked: Asked
 
 def structure_of(scene: Scene) -> str:
     """Roughly what of a scene is compiled into its kernels: runs that share it are dealt to the same process."""
-    fixed = {name: sorted((p.name, repr(table[p.name])) for p in effects.module(name).PARAMETERS if not p.live)
+    fixed = {name: sorted((p.name, repr(table[p.name])) for p in effects.find(name).parameters if not p.live)
              for name, table in effects.check(scene).items()}  # fmt: skip
     solver, shapes = scene.solver, sorted({grains.shape for grains in (*scene.grains, *scene.sources)})
     return json.dumps([solver.kind, solver.law, solver.integrator, solver.k_d is None, solver.precision, fixed, shapes, scene.edges.left])

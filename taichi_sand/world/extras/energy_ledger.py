@@ -10,6 +10,7 @@ exact whatever is set off.
 
 import taichi as ti
 
+from taichi_sand.world.extras.hooks import offers
 from taichi_sand.world.geometry import add, belt_velocity, movable, perp, wall_velocity, wrench
 
 
@@ -17,7 +18,7 @@ from taichi_sand.world.geometry import add, belt_velocity, movable, perp, wall_v
 def book(w: ti.template(), s: ti.template(), i, energy):
     """Contacts have turned `energy` [J] of motion into heat of grain i."""
     for effect in ti.static(s.effects):
-        if ti.static(hasattr(effect, "heat")):
+        if ti.static(offers(effect, "heat")):
             effect.heat(w, i, energy)
 
 

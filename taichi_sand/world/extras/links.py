@@ -12,6 +12,7 @@ import taichi as ti
 
 from taichi_sand.taichi_support import field_pool
 from taichi_sand.world.extras.energy_ledger import book
+from taichi_sand.world.extras.hooks import offers
 from taichi_sand.world.geometry import mobility, movable, velocity
 from taichi_sand.world.tables import CHUNK, STRIPS, round_up, write_rows
 
@@ -120,14 +121,14 @@ def pull_block(w: ti.template(), s: ti.template(), c: ti.template(), start, end,
             force = links.force[k]
         elif links.whole[k] == 1:
             for effect in ti.static(s.effects):
-                if ti.static(hasattr(effect, "link")):
+                if ti.static(offers(effect, "link")):
                     force += effect.link(w, c, k)
         links.force[k] = force
         if ti.static(s.books):
             energy = 0.0
             if links.whole[k] == 1:
                 for effect in ti.static(s.effects):
-                    if ti.static(hasattr(effect, "kept")):
+                    if ti.static(offers(effect, "kept")):
                         energy += effect.kept(w, c, k)
             links.gained[k] = energy - links.held[k]
             links.held[k] = energy
@@ -137,7 +138,7 @@ def pull_block(w: ti.template(), s: ti.template(), c: ti.template(), start, end,
 def break_link(w: ti.template(), s: ti.template(), c: ti.template(), k):
     """Lets the effects break link k: its force in this step is then the impulse that it breaks with, spread over the step."""
     for effect in ti.static(s.effects):
-        if ti.static(hasattr(effect, "snap")):
+        if ti.static(offers(effect, "snap")):
             impulse = effect.snap(w, c, k)
             if w.links.whole[k] == 0 and w.links.last[k] == 0:
                 w.links.last[k] = 1

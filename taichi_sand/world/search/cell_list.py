@@ -10,7 +10,7 @@ import taichi as ti
 
 from taichi_sand.taichi_support import field_pool
 from taichi_sand.world.clumps import head
-from taichi_sand.world.extras.grain_columns import sort_along
+from taichi_sand.world.extras.grain_rows import CELL, NUMBERS, WHOLE, load_row, sort_carried, store_row
 from taichi_sand.world.flags import ESCAPED, NOWHERE, flag
 from taichi_sand.world.geometry import position, present, velocity
 from taichi_sand.world.search.prefix_sum import prefix_sum, put_in_order, scratch_rows
@@ -29,8 +29,8 @@ class Grid(NamedTuple):
     rows: Any  # cells along y, 0-D i32
     cell_size: Any  # 0-D 2-vector [m]
     flight: Any  # position and velocity of each grain, rounded: enough to tell who is far, shape (capacity + ABREAST,), 4-vectors
-    whole: Any  # scratch for the whole numbers of a grain, shape (capacity,), i32 5-vectors
-    number: Any  # scratch for the others, 18-vectors
+    whole: Any  # scratch for the whole numbers of a grain and its cell, shape (capacity,), i32 vectors
+    number: Any  # scratch for the others, vectors
 
 
 def allocate_grid(real: Any, capacity: int, cells: int, summed: int) -> Grid:
@@ -44,8 +44,8 @@ def allocate_grid(real: Any, capacity: int, cells: int, summed: int) -> Grid:
         rows=field_pool.scalars(ti.i32, ()),
         cell_size=field_pool.vectors(2, real, ()),
         flight=field_pool.vectors(4, real, capacity + ABREAST, layout=ti.Layout.SOA),
-        whole=field_pool.vectors(5, ti.i32, capacity),
-        number=field_pool.vectors(18, real, capacity),
+        whole=field_pool.vectors(CELL + 1, ti.i32, capacity),
+        number=field_pool.vectors(len(NUMBERS), real, capacity),
     )
 
 
@@ -197,32 +197,25 @@ def permute(w: ti.template(), count):
     grid = ti.static(w.grid)
     ti.loop_config(serialize=w.layout == "one")
     for i in range(count):
-        g = ti.static(w.grains)
         k = grid.source[i]
-        o, u, v, m, f = g.offset[k], g.start_velocity[k], g.twist[k], g.mobility[k], g.wrench[k]
-        grid.whole[i] = ti.Vector([g.site[k].x, g.site[k].y, g.id[k], g.kind[k], grid.cell[k]])
-        motion = [o.x, o.y, u.x, u.y, v.x, v.y, v.z, v.w]
-        body = [m.x, m.y, m.z, m.w, f.x, f.y, f.z, f.w, g.radius[k], g.angle[k]]
-        grid.number[i] = ti.Vector(motion + body)
+        store_row(w, WHOLE, NUMBERS, k, i)
+        grid.whole[i][CELL] = grid.cell[k]
     ti.loop_config(serialize=w.layout == "one")
     for i in range(count):
-        g = ti.static(w.grains)
-        n, k = grid.number[i], grid.whole[i]
-        g.site[i], g.id[i], g.kind[i], grid.cell[i] = ti.Vector([k[0], k[1]]), k[2], k[3], k[4]
-        g.offset[i], g.start_velocity[i] = ti.Vector([n[0], n[1]]), ti.Vector([n[2], n[3]])
-        g.twist[i], g.mobility[i] = ti.Vector([n[4], n[5], n[6], n[7]]), ti.Vector([n[8], n[9], n[10], n[11]])
-        g.wrench[i], g.radius[i], g.angle[i] = ti.Vector([n[12], n[13], n[14], n[15]]), n[16], n[17]
+        load_row(w, WHOLE, NUMBERS, i, i)
+        grid.cell[i] = grid.whole[i][CELL]
+        twist = w.grains.twist[i]
         if ti.static(w.clumps):
-            g.start_spin[i] = n[6]
+            w.grains.start_spin[i] = twist.z
             head(w, i)
         p = position(w, i)
-        grid.flight[i] = ti.Vector([p.x, p.y, n[4], n[5]])
+        grid.flight[i] = ti.Vector([p.x, p.y, twist.x, twist.y])
     if ti.static(w.sleeps):
         for i in range(count):
             w.sleep.push[i].x = w.sleep.still[grid.source[i]]
         for i in range(count):
             w.sleep.still[i] = w.sleep.push[i].x
-    sort_along(w, count)
+    sort_carried(w, count)
 
 
 @ti.func

@@ -4,7 +4,7 @@ from typing import Any
 
 import taichi as ti
 
-from taichi_sand.world.extras.grain_columns import move_along
+from taichi_sand.world.extras.grain_rows import clear_motion, copy_at_rest
 from taichi_sand.world.extras.steady_force import steady_force
 from taichi_sand.world.geometry import add, perp, position, wall_row
 from taichi_sand.world.search.cell_list import permute
@@ -71,15 +71,11 @@ def wake_all(w: ti.template(), everybody: ti.i32):
 @ti.func
 def get_up(w: ti.template(), j, i, everybody):
     """The sleeper of slot j is awake, in slot i."""
-    g, sleep = ti.static(w.grains, w.sleep)
+    sleep = ti.static(w.sleep)
     called = everybody == 1 or sleep.woken[home(w, j)] == 1
-    g.site[i], g.id[i], g.kind[i] = g.site[j], g.id[j], g.kind[j]
-    g.offset[i], g.shift[i], g.start_velocity[i] = g.offset[j], ti.Vector([0.0, 0.0]), ti.Vector([0.0, 0.0])
-    g.twist[i], g.wrench[i] = ti.Vector([0.0, 0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0, 0.0])
-    g.angle[i], g.turn[i], g.radius[i] = g.angle[j], 0.0, g.radius[j]
-    g.mobility[i] = sleep.mobility[j]
+    copy_at_rest(w, j, i)
+    w.grains.mobility[i] = sleep.mobility[j]
     sleep.still[i] = 0.0 if called else ASLEEP
-    move_along(w, j, i)
     sleep.origin[i] = j
 
 
@@ -231,9 +227,7 @@ def lay_to_rest(w: ti.template()):
     ti.loop_config(serialize=w.serial)
     for j in range(sleep.state[None].awake, w.count[None]):
         sleep.mobility[j], sleep.still[j] = g.mobility[j], ASLEEP
-        for column in ti.static((g.mobility, g.twist, g.wrench)):
-            column[j] = ti.Vector([0.0, 0.0, 0.0, 0.0])
-        g.start_velocity[j] = ti.Vector([0.0, 0.0])
+        clear_motion(w, j)
         p = position(w, j)
         w.grid.flight[j] = ti.Vector([p.x, p.y, 0.0, 0.0])
         if ti.static(w.layout != "cells"):

@@ -7,6 +7,14 @@ import taichi as ti
 
 from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.clumps import head
+from taichi_sand.world.extras.grain_rows import (
+    NUMBERS_AT_REST,
+    WHOLE_AT_REST,
+    clear_motion,
+    load_row,
+    move_carried,
+    store_row,
+)
 from taichi_sand.world.geometry import add, perp, position, wall_row
 from taichi_sand.world.search.neighbour_list import clear_rows
 from taichi_sand.world.sleep.state import due_to_sleep, home, sleeper_block
@@ -85,33 +93,34 @@ def rename(w: ti.template(), first: ti.i32, last: ti.i32):
 @noinline
 def move_up(w: ti.template(), first: ti.i32, end: ti.i32):
     """Moves the sleepers first .. end-1, all that they carry and where their pairs begin to their new slots."""
-    g, sleep, pairs, whole, number = ti.static(w.grains, w.sleep, w.pairs, w.grid.whole, w.grid.number)
+    sleep, pairs, whole, number = ti.static(w.sleep, w.pairs, w.grid.whole, w.grid.number)
     for j in range(first, end):
-        p, o, m, b = position(w, j), g.offset[j], sleep.mobility[j], sleep.balance[j]
-        whole[j] = ti.Vector([g.site[j].x, g.site[j].y, g.id[j], g.kind[j], 0])
-        place, body = [p.x, p.y, o.x, o.y, g.radius[j], g.angle[j]], [m.x, m.y, m.z, m.w]
-        kept = [b.x, b.y, sleep.load[j], sleep.still[j], 0.0, 0.0, 0.0, 0.0]
-        number[j] = ti.Vector(place + body + kept)
-    none, still = ti.Vector([0.0, 0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0])
+        store_row(w, WHOLE_AT_REST, NUMBERS_AT_REST, j, j)
     for j in range(first, end):
-        k, n, i = sleep.slot[j], number[j], whole[j]
-        g.site[k], g.id[k], g.kind[k] = ti.Vector([i[0], i[1]]), i[2], i[3]
-        g.offset[k], g.shift[k], g.start_velocity[k] = ti.Vector([n[2], n[3]]), still, still
-        g.radius[k], g.angle[k], g.turn[k], g.twist[k], g.wrench[k] = n[4], n[5], 0.0, none, none
-        sleep.mobility[k] = ti.Vector([n[6], n[7], n[8], n[9]])
-        g.mobility[k] = sleep.mobility[k] if k < sleep.state[None].awake else none
-        sleep.balance[k], sleep.load[k], sleep.still[k] = ti.Vector([n[10], n[11]]), n[12], n[13]
-        w.grid.flight[k], w.grid.source[k] = ti.Vector([n[0], n[1], 0.0, 0.0]), k
+        k = sleep.slot[j]
+        load_row(w, WHOLE_AT_REST, NUMBERS_AT_REST, j, k)
+        clear_motion(w, k)
+        p = position(w, k)
+        w.grid.flight[k], w.grid.source[k] = ti.Vector([p.x, p.y, 0.0, 0.0]), k
         if ti.static(w.clumps):
-            g.start_spin[k] = 0.0
+            w.grains.start_spin[k] = 0.0
             head(w, k)
-    for column in ti.static(w.carried):
-        for j in range(first, end):
-            number[j][0] = column[j]
-        for j in range(first, end):
-            column[sleep.slot[j]] = number[j][0]
+    move_carried(w, first, end, sleep.slot)
     for j in range(first, end):
-        whole[j] = ti.Vector([sleep.row_start[j], sleep.row_count[j], sleep.wall_row_start[j], sleep.wall_row_count[j], 0])
+        m, b = sleep.mobility[j], sleep.balance[j]
+        kept = [m.x, m.y, m.z, m.w, b.x, b.y, sleep.load[j], sleep.still[j]]
+        for c in ti.static(range(8)):
+            number[j][c] = kept[c]
+    for j in range(first, end):
+        k, n = sleep.slot[j], number[j]
+        sleep.mobility[k] = ti.Vector([n[0], n[1], n[2], n[3]])
+        sleep.balance[k], sleep.load[k], sleep.still[k] = ti.Vector([n[4], n[5]]), n[6], n[7]
+        if k < sleep.state[None].awake:
+            w.grains.mobility[k] = sleep.mobility[k]
+    for j in range(first, end):
+        rows = [sleep.row_start[j], sleep.row_count[j], sleep.wall_row_start[j], sleep.wall_row_count[j]]
+        for c in ti.static(range(4)):
+            whole[j][c] = rows[c]
     for j in range(first, end):
         k, i = sleep.slot[j], whole[j]
         sleep.row_start[k], sleep.row_count[k], sleep.wall_row_start[k], sleep.wall_row_count[k] = i[0], i[1], i[2], i[3]
