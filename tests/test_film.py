@@ -18,7 +18,7 @@ from taichi_sand.errors import SandError
 from taichi_sand.output.film import film
 
 WIDTH, HEIGHT = 160, 120
-ENDINGS = ["film.mp4", "film.gif", "film.png", "frames/"]
+ENDINGS = ["film.mp4", "film.gif", "film.png", "film.html", "frames/"]
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,7 @@
 """Recordings as files: whole up to where they were cut off, and refused in a sentence if they are damaged."""
 
+import json
+import re
 from pathlib import Path
 
 import pytest
@@ -35,6 +37,15 @@ def test_done_again(recorded: bytes, tmp_path: Path) -> None:
     path = tmp_path / "it.record"
     path.write_bytes(recorded)
     assert steps_of(path) == 60
+
+
+def test_a_page_of_it(recorded: bytes, tmp_path: Path) -> None:
+    """A film of a recording may be a page; its clock is that of the wall."""
+    path, out = tmp_path / "it.record", tmp_path / "it.html"
+    path.write_bytes(recorded)
+    recording.film(path, str(out), fps=30, width=None, arch="cpu", threads=1)
+    tail = json.loads(re.search(r'id="tail">(.*?)</script>', out.read_text("utf-8"))[1])
+    assert tail["report"]["grains"] == 20 and len(tail["series"]["at"]) >= 1 and tail["report"]["steps"] == 60
 
 
 def test_cut_off_as_it_was_written(recorded: bytes, tmp_path: Path) -> None:

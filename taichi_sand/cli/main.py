@@ -100,7 +100,9 @@ def render(
     scene: SceneName,
     out: Annotated[
         str,
-        typer.Option("-o", "--out", metavar="OUT", help="Ends in .mp4, .gif, .png (last frame) or / (a folder of PNG frames)."),
+        typer.Option(
+            "-o", "--out", metavar="OUT", help="Ends in .mp4, .gif, .html (a page that plays), .png (last frame) or / (PNG frames)."
+        ),
     ],
     seconds: Seconds = None,
     fps: Annotated[int | None, typer.Option("--fps", help="Frames in a simulated second.")] = None,

@@ -1,4 +1,4 @@
-"""Films: MP4, looping GIF, the last frame as PNG, or a folder of PNG frames; written as files.writing says.
+"""Films: MP4, looping GIF, the last frame as PNG, a folder of PNG frames, or a page that plays; written as files.writing says.
 
 The encoder is a process of its own (ffmpeg): its exit status and its complaints are looked at, and whether its file can be read.
 """
@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import imageio_ffmpeg
 import numpy as np
@@ -17,15 +17,16 @@ from PIL import Image
 
 from taichi_sand.errors import SandError
 from taichi_sand.files import writing
+from taichi_sand.output.html import html
 from taichi_sand.view.picture import image
 
 if TYPE_CHECKING:
     from taichi_sand.run.simulation import Simulation
 
-Write = Callable[[np.ndarray], None]
+Write = Callable[[Any], None]
 Progress = Callable[[float], None]
 
-ENDINGS = (".mp4", ".gif", ".png")
+ENDINGS = (".mp4", ".gif", ".png", ".html")
 GIF_FPS, GIF_MOST_FPS = 25, 50
 """Frames a second of a GIF unless told otherwise, and at most: its clock ticks in 1/100 s, and viewers slow down faster ones."""
 ENCODER_THREADS = 2
@@ -42,7 +43,7 @@ def film(
 
     Args:
         sim: goes on from where it is.
-        out: ends in `.mp4`, `.gif`, `.png` (the last frame only) or `/` (a folder of PNG frames).
+        out: ends in `.mp4`, `.gif`, `.html` (a page that plays), `.png` (the last frame only) or `/` (a folder of PNG frames).
         seconds: simulated time; the scene's duration if None.
         fps: frames per simulated second; the scene's if None. The last frame shows the end.
         progress: called with the share done.
@@ -60,7 +61,7 @@ def film(
         else:
             with WRITERS[ending](made, rate) as write:
                 for share in steps_of(sim, seconds, rate):
-                    write(image(sim))
+                    write(sim if ending == ".html" else image(sim))
                     if progress:
                         progress(share)
 
@@ -243,4 +244,5 @@ def frames(path: Path, fps: int) -> Iterator[Write]:
     yield write
 
 
-WRITERS = {".mp4": mp4, ".gif": gif, "/": frames}
+WRITERS = {".mp4": mp4, ".gif": gif, "/": frames, ".html": html}
+"""What makes each kind of film: it is given pictures, a page the simulation."""

@@ -121,15 +121,18 @@ def film(path: Path, out: str, *, fps: int, width: int | None, arch: str, thread
     """Films a recording, in the wall time in which it was played."""
     target, ending = destination(out)
     if ending == ".png":
-        raise SandError(f"{out}: a recording becomes a film, .mp4 or .gif, or a folder of frames")
+        raise SandError(f"{out}: a recording becomes a film, .mp4 or .gif, a page .html, or a folder of frames")
     recorded = read(path)
     total = max((line[2] for line in recorded[2] if isinstance(line, list)), default=0.0)
     with writing.replacing(target, folder=ending == "/") as made, WRITERS[ending](made, fps) as write:
         screen, shown = None, 0
         for session, wall in replay(recorded, path, arch, threads):
-            if screen is None or screen.session is not session:
-                screen = Screen(session, width or session.sim.scene.view.width)
             while shown / fps <= wall:
+                if ending == ".html":
+                    write(session.sim, shown / fps)
+                    shown = max(shown, int(wall * fps)) + 1  # a page needs no copies
+                    continue
+                screen = screen or Screen(session, width or session.sim.scene.view.width)
                 canvas = np.zeros(screen.size[0] * screen.size[1], np.uint32)
                 picture = screen.paint(canvas, {}, None, "")
                 write(screen.painter.rgb(picture))

@@ -9,7 +9,8 @@ import numpy as np
 from taichi_sand.errors import SandError
 from taichi_sand.view import fringes, kernels, palette
 from taichi_sand.view.fringes import Fringes
-from taichi_sand.view.views import KIND, PERCENTILE, PHOTOELASTIC, VIEWS, Range, check_view, quantile
+from taichi_sand.view.scales import Scales
+from taichi_sand.view.views import KIND, PHOTOELASTIC, VIEWS, check_view, quantile
 from taichi_sand.world.edit import link_lines
 from taichi_sand.world.tables import World
 
@@ -19,7 +20,6 @@ WALL_WIDTH = 2.0
 CHAIN_WIDTHS = (0.4, 4.6)
 CHAIN_WIDEST_GRAIN = (0.25, 0.9)
 """The widest chains are at least and at most this part of a mean grain's diameter."""
-CHAIN_EXPONENT, CHAIN_PERCENTILE = 0.7, 0.97
 MOST_HEIGHT = 16384
 """More [px] no encoder takes."""
 SPOKED = (KIND, "rotation")
@@ -104,8 +104,7 @@ class Painter:
         self._chain_map = palette.colour_map(palette.CHAIN)
         self._tones = sand_tones(kinds)
         self._dim = np.full(kernels.TONES, palette.packed(palette.CHAIN_GRAIN), np.uint32)
-        self._ranges = {name: Range(view.least) for name, view in VIEWS.items()}
-        self._chain_range = Range()
+        self._scales = Scales(world)
         self._allocate()
 
     def set_energy_colours(self, cold: str, hot: str) -> None:
@@ -117,7 +116,6 @@ class Painter:
         capacity = self.world.capacity
         discs = self.world.discs
         copies = (4 if any(self.world.periodic) else 1) * discs
-        self._values, self._moving = np.zeros(capacity, np.float32), np.zeros(capacity, np.float32)
         self._colours = np.zeros(capacity, np.uint32)
         self._discs, self._owner = np.zeros((copies * capacity, 4), np.float32), np.zeros(copies * capacity, np.int32)
         self._parts = np.zeros(copies * capacity, np.int32)
@@ -171,20 +169,16 @@ class Painter:
         if dimmed or self.color in (KIND, PHOTOELASTIC):
             kernels.colour_by_kind(self.world, self._dim if dimmed else self._tones, fixed, self._colours)
             return
-        view, table = VIEWS[self.color], self._maps[self.color]
-        view.measure(self.world, self._values)
-        top = view.full
-        if top is None:
-            found = kernels.moving_values(self.world, self._values, self._moving)
-            top = self._ranges[self.color].follow(quantile(self._moving[:found], PERCENTILE), time)
-        kernels.colour_by_value(self.world, self._values, max(top, 1e-30), table, fixed, self._colours)
-        self.legend = Legend(self.color, view.unit, top, table)
+        table = self._maps[self.color]
+        values, top = self._scales.measure(self.color, time)
+        kernels.colour_by_value(self.world, values, max(top, 1e-30), table, fixed, self._colours)
+        self.legend = Legend(self.color, VIEWS[self.color].unit, top, table)
 
     def _paint_fringes(self, canvas: np.ndarray, time: float) -> None:
         """Grains as photoelastic discs; a fringe goes with the forces there are."""
         if self._fringes is None:
             self._fringes = Fringes(self.world)
-        top = self._chain_range.follow(quantile(self._fringes.place(self.scale), fringes.PERCENTILE), time)
+        top = self._scales.chains.follow(quantile(self._fringes.place(self.scale), fringes.PERCENTILE), time)
         fringe = 8 * top / (np.pi * float(self.world.box[None].diameter)) / fringes.ORDERS
         listed = (self._discs, self._owner, self._bands, self._parts)
         self._fringes.paint(canvas, (self.width, self.height), listed, self.scale, fringe)
@@ -193,9 +187,7 @@ class Painter:
     def _paint_chains(self, canvas: np.ndarray, time: float) -> None:
         """Contacts as lines whose width and colour follow the normal force, the strong ones on top."""
         found = kernels.place_forces(self.world, self.scale, self.height, self._lines, self._forces)
-        forces = self._forces[:found]
-        top = self._chain_range.follow(quantile(forces, CHAIN_PERCENTILE), time)
-        strength = np.minimum(1.0, forces / max(top, 1e-30)) ** CHAIN_EXPONENT
+        strength, top = self._scales.levels(self._forces[:found], time)
         level = np.rint(strength * (palette.ENTRIES - 1)).astype(np.uint8)
         upwards = np.argsort(level, kind="stable")
         thickness = self.chain_widths[0] + (self.chain_widths[1] - self.chain_widths[0]) * strength[upwards]

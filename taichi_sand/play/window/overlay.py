@@ -4,8 +4,8 @@ import numpy as np
 
 from taichi_sand.play.window.sheet import ACCENT, TEXT
 from taichi_sand.view import kernels, palette
-from taichi_sand.view.paint import LINES_PER_GRAIN, PERCENTILE, Painter
-from taichi_sand.view.views import Range, quantile
+from taichi_sand.view.paint import LINES_PER_GRAIN, Painter
+from taichi_sand.view.views import PERCENTILE, Range, quantile
 from taichi_sand.world import edit
 
 ARROW = 2.0
