@@ -77,9 +77,9 @@ def run(
         outputs = Outputs(out, every, contacts, series, fields)
         asked = _overrides(overrides, **{"solver.precision": precision})
         sim = _start(scene, asked, effect, arch, threads) if resume is None else _resume(resume, scene, asked, effect, arch, threads)
-        with outputs.of(sim), progress_bar(sim.scene.title or "run") as progress:
+        with outputs.of(sim), progress_bar(sim.scene.title or "run", printing.stage_of(sim)) as progress:
             if seconds is None:
-                sim.advance_to(sim.scene.duration, progress=progress)
+                sim.advance_to(sim.stages.began + sim.scene.duration, progress=progress)
             else:
                 sim.advance(seconds, progress=progress)
         if save is not None:
@@ -235,7 +235,9 @@ def _start(scene: str | None, overrides: list[str], own: list[Path] | None, arch
 
 
 def _resume(file: Path, scene: str | None, overrides: list[str], own: list[Path] | None, arch: str, threads: int | None) -> Any:
-    """A simulation from a checkpoint; a scene given with it must be the one that was saved. Effects of the user's own are needed again."""
+    """A simulation from a checkpoint; another scene than the one that was saved brings its stages. Effects of the user's own are needed
+    again.
+    """
     wanted: Scene | None = None if scene is None else taichi_sand.load(scene, overrides, own or ())
     if wanted is None and overrides:
         raise SandError(f"--resume {file} brings its own scene, which --set and --precision cannot change")
@@ -243,8 +245,11 @@ def _resume(file: Path, scene: str | None, overrides: list[str], own: list[Path]
         for path in own or ():
             effects.add(path)
     sim = taichi_sand.Simulation.resume(file, arch=arch, threads=threads)
-    if wanted is not None and wanted.to_json() != sim.scene.to_json():
-        raise SandError(f"{file} was saved from another scene than {scene} with these settings; leave SCENE out to go on with it")
+    if wanted is not None and wanted.to_json() not in (sim.scene.to_json(), sim.home.to_json()):
+        try:
+            sim.restage(wanted)
+        except SandError as error:
+            raise SandError(f"{file} was saved from another scene than {scene}, whose stages its grains cannot take: {error}") from None
     return sim
 
 

@@ -27,8 +27,8 @@ Precision = Annotated[int | None, typer.Option("--precision", metavar="32|64", h
 
 
 @contextmanager
-def progress_bar(label: str) -> Iterator[Callable[[float], None] | None]:
-    """A bar on stderr while it is a terminal, else None; it takes the share done."""
+def progress_bar(label: str, more: Callable[[], str] = str) -> Iterator[Callable[[float], None] | None]:
+    """A bar on stderr while it is a terminal, else None; it takes the share done. What `more` gives meanwhile stands behind the label."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -38,7 +38,7 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None] | None]:
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(label, total=1.0)
-        yield lambda share: bar.update(task, completed=share)
+        yield lambda share: bar.update(task, completed=share, description=label + more())
 
 
 def check_seconds(seconds: float | None) -> None:

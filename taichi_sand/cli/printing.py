@@ -1,5 +1,6 @@
 """What the command prints to be read: the report as a table, effects and their prices."""
 
+from collections.abc import Callable
 from typing import Any
 
 from rich.console import Console
@@ -78,12 +79,19 @@ def print_report(title: str, report: dict[str, Any]) -> None:
                 table.add_row(head, label, _value(report[key]), Text(unit) + _verdict(key, report))
                 head = ""
         table.add_section()
+    for name, time in report.get("events", {}).items():
+        table.add_row("events", name, _value(time), Text("s"))
     out = console()
     effects = ", ".join(report["effects"]) or "none"
     threads = {None: "all threads", 1: "1 thread"}.get(report["threads"], f"{report['threads']} threads")
     bits = f"{report['precision']} bit, {report['arch']}, {threads}"
     out.print(Text.assemble((title or "scene", "bold"), f"  {report['solver']} · effects: {effects} · {bits}"))
     out.print(table)
+
+
+def stage_of(sim: Any) -> Callable[[], str]:
+    """A function that says which event came last."""
+    return lambda: "".join(f", {name} at {time:.2f} s" for name, time in sorted(sim.events.items(), key=lambda event: event[1])[-1:])
 
 
 def effect_lines(effects: Any) -> list[str]:

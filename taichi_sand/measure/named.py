@@ -62,6 +62,15 @@ def repose_angle(sim: Any) -> float:
     return math.degrees(math.atan(float(np.mean(slopes))))
 
 
-MEASURES: dict[str, Callable[[Any], float]] = {"repose_angle": repose_angle}
+def spread(sim: Any) -> float:
+    """Width of the bed [m]: between the x below which a hundredth of the free grains lie, and beyond which; NaN without any."""
+    from taichi_sand.world import edit
+
+    places, whole = edit.places(sim.world)
+    x = places[whole[:, 2] == 0, 0]
+    return float(np.subtract(*np.percentile(x, [99, 1]))) if len(x) else math.nan
+
+
+MEASURES: dict[str, Callable[[Any], float]] = {"repose_angle": repose_angle, "spread": spread}
 """Measurements, each a function of a Simulation."""
-UNITS = {"repose_angle": "degrees"}
+UNITS = {"repose_angle": "degrees", "spread": "m"}

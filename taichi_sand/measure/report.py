@@ -34,6 +34,7 @@ between smooth sides gives its weight.
 `wall_forces_N`: by wall, of those that are touched: force of the grains on it, x and y, and its torque about the pivot [N m], of an edge
 about its middle. With rigid, impacts of the last step are in it.
 `mass_kg`: of the grains that can move.
+`events`: with events: when each that has come came, by name [s].
 `grains_made`: with sources or sinks: grains there have been in all, those of the start included.
 `grains_waiting`: with sources: grains that were due when these last looked, and have found no room yet; flagged when more than a tenth.
 `grains_asleep`: with the effect `sleeping`: grains that are not computed at present.
@@ -217,11 +218,12 @@ def report(sim: Any) -> dict[str, Any]:
         "grains": sim.count,
         "grains_lost": int(sim.lost),
         **({"grains_made": int(sim.made), "grains_removed": int(sim.taken)} if sim.world.flows else {}),
-        **({"grains_waiting": sum(waiting(sim.scene, sim.world, sim.poured))} if sim.scene.sources else {}),
+        **({"grains_waiting": sum(waiting(sim.scene, sim.world, sim.stages.flows, sim.poured))} if sim.scene.sources else {}),
         **({"grains_asleep": int(sim.world.sleep.state[None].asleep)} if sim.world.sleeps else {}),
         **({"bonds": len(ends_of(sim.world, 1)), "bonds_broken": len(ends_of(sim.world, 0))} if sim.world.linked else {}),
         "tolerance": float(sim.scene.solver.tolerance),
         "depth": float(sim.bed.depth),
+        **({"events": sim.events} if sim.scene.events else {}),
         **contacts(sim),
         "wall_forces_N": walls(sim),
         "flow_softness": softness(sim.numbers, sim.bed),

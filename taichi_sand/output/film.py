@@ -100,9 +100,11 @@ def frame_rate(sim: "Simulation", ending: str, fps: int | None) -> int:
 
 
 def steps_of(sim: "Simulation", seconds: float, fps: int) -> Iterator[float]:
-    """Advances from frame to frame; yields the share of the film that is done."""
+    """Advances from frame to frame, until an event ends the simulation if one does; yields the share of the film that is done."""
     frames = max(1, round(seconds * fps))
     for frame in range(1, frames + 1):
+        if sim.stopped and frame > 1:
+            return
         sim.advance(seconds - (frames - 1) / fps if frame == frames else 1 / fps)
         yield frame / frames
 

@@ -42,7 +42,9 @@ def read(path: Path) -> str:
     """A checkpoint as ["load", …] takes it; SandError if it is none."""
     about, arrays = checkpoint.load(path, misfit)
     fields = {name: Rows(array.shape, [(0, len(array))] if array.ndim else [], array) for name, array in arrays.items()}
-    return base64.b64encode(to_bytes(Snapshot(Host.from_json(about["host"]), fields, Rooms(*about["rooms"])))).decode()
+    host = Host.from_json(about["host"])
+    walls = host.scene.with_walls(about["first_walls"]).walls
+    return base64.b64encode(to_bytes(Snapshot(host, fields, Rooms(*about["rooms"]), walls))).decode()
 
 
 def save_picture(window: Any) -> Path:

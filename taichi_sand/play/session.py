@@ -19,8 +19,10 @@ from taichi_sand.play.snapshot import Snapshot, from_bytes, restore, take, to_by
 from taichi_sand.play.stroke import Stroke
 from taichi_sand.play.tools import TOOLS
 from taichi_sand.run import live
+from taichi_sand.run.saving import laid_out
 from taichi_sand.run.simulation import Simulation
 from taichi_sand.scene.schema import Scene
+from taichi_sand.scene.walls import Wall
 from taichi_sand.taichi_support import runtime
 from taichi_sand.view.views import KIND, views_of
 
@@ -55,9 +57,10 @@ class Session:
         self.history = History()
         self.rng = np.random.default_rng(scene.seed)
         self._knobs: tuple = (None, [])
-        self.room = 0
-        self.sim = self._ready(scene)
+        self.sim = Simulation(scene, **self.where, hand=True)
         self.room = self.sim.room
+        self.built[live.structure(scene), self.sim.first_walls] = self.sim
+        self.compiled += 1
         self.brush = Brush.of(self.sim)
         self.tool = "grab"
         self.stroke: Stroke | None = None
@@ -65,7 +68,7 @@ class Session:
 
     def drop(self) -> None:
         """Lets go of all simulations, and of Taichi's memory."""
-        self.built: dict[str, Simulation] = {}
+        self.built: dict[tuple[str, tuple[Wall, ...]], Simulation] = {}
         self.sim = None
         gc.collect()
         if not runtime.alive:
@@ -87,8 +90,12 @@ class Session:
         return done
 
     def advance(self, steps: int) -> None:
-        """Simulates on."""
+        """Simulates on; events that come are told."""
+        before = self.sim.events
         self.sim.advance_steps(steps)
+        come = [f"{name} at {time:.2f} s" for name, time in self.sim.events.items() if name not in before]
+        if come:
+            self.message = ", ".join(come) + ("; the simulation ends here" if self.sim.stopped else "")
 
     # moments
 
@@ -100,7 +107,7 @@ class Session:
 
     def go_to(self, moment: Snapshot) -> None:
         """Goes to a moment, bit for bit."""
-        self._take(self._ready(moment.host.scene))
+        self._take(self._ready(moment.host.scene, moment.walls))
         restore(self.sim, moment)
         if "rng" in moment.session:
             self.rng.bit_generator.state = moment.session["rng"]
@@ -118,25 +125,26 @@ class Session:
 
     # structures
 
-    def _ready(self, scene: Scene) -> Simulation:
-        """A simulation of the structure that `scene` wants; its state is still to be set, unless it is new."""
-        key = live.structure(scene)
+    def _ready(self, scene: Scene, walls: tuple[Wall, ...]) -> Simulation:
+        """A simulation of the structure that `scene` wants, with tables made for these walls; its state is still to be set."""
+        key = (live.structure(scene), tuple(walls))
         if key not in self.built:
             if len(self.built) >= MOST_BUILT:
                 self.drop()
-            self.built[key] = Simulation(scene, **self.where, room=self.room, hand=True)
+            self.built[key] = Simulation(laid_out(scene, walls), **self.where, room=self.room, hand=True)
             self.compiled += 1
         return self.built[key]
 
     def become(self, scene: Scene) -> None:
         """Goes on with another solver or other effects, on the grains as they are."""
-        if len(self.built) >= MOST_BUILT and live.structure(scene) not in self.built:
+        walls = self.sim.first_walls
+        if len(self.built) >= MOST_BUILT and (live.structure(scene), walls) not in self.built:
             now = self.moment()
             self.drop()
             self.go_to(now)
         if self.sim.world.sleeps:
             self.sim.renew()  # wakes everybody
-        now, new = self.moment(), self._ready(scene)
+        now, new = self.moment(), self._ready(scene, walls)
         if new is not self.sim:
             transfer.hand_over(self.sim, new, now, scene)
             self._take(new)

@@ -52,6 +52,7 @@ class Snapshot:
     host: Host
     fields: dict[str, Rows]
     rooms: Rooms  # of the tables it was taken from
+    walls: tuple[Any, ...]  # that these have been made for
     session: dict[str, Any] = field(default_factory=dict)  # what the session keeps with it; must be JSON
     foreign: bool = False  # whether it comes out of a file, which anybody may have made
 
@@ -73,7 +74,7 @@ def take(sim: Simulation, before: Snapshot | None = None) -> Snapshot:
             old = before.fields.get(name + part) if before else None
             same = old is not None and old.shape == new.shape and old.spans == spans and np.array_equal(old.rows, kept)
             fields[name + part] = old if same else new
-    return Snapshot(Host.of(sim), fields, rooms_of(sim.world))
+    return Snapshot(Host.of(sim), fields, rooms_of(sim.world), sim.first_walls)
 
 
 def restore(sim: Simulation, snapshot: Snapshot) -> None:
@@ -128,6 +129,7 @@ def to_bytes(snapshot: Snapshot) -> bytes:
     """The snapshot as the bytes of an .npz file."""
     shapes = {name: [rows.shape, rows.spans] for name, rows in snapshot.fields.items()}
     head = {"host": snapshot.host.to_json(), "session": snapshot.session, "shapes": shapes, "rooms": snapshot.rooms}
+    head["walls"] = [wall.model_dump(exclude_unset=True) for wall in snapshot.walls]
     file = io.BytesIO()
     arrays = {name: rows.rows for name, rows in snapshot.fields.items()}
     np.savez_compressed(file, head=np.frombuffer(json.dumps(head).encode(), np.uint8), **arrays)
@@ -142,7 +144,8 @@ def from_bytes(data: bytes) -> Snapshot:
         np.random.default_rng().bit_generator.state = session["rng"]  # whether it can be one
     spans = {name: (tuple(shape), [tuple(span) for span in spans]) for name, (shape, spans) in head["shapes"].items()}
     rows = {name: Rows(*spans[name], rows) for name, rows in arrays.items()}
-    return Snapshot(host, rows, Rooms(*head["rooms"]), session, foreign=True)
+    walls = host.scene.with_walls(head["walls"]).walls
+    return Snapshot(host, rows, Rooms(*head["rooms"]), walls, session, foreign=True)
 
 
 def misfit(head: dict[str, Any], announced: dict[str, archive.Announced]) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from taichi_sand.errors import SandError, show
 from taichi_sand.run import live, trust
 from taichi_sand.run.host import Host
+from taichi_sand.scene.events import After, names
 from taichi_sand.solvers import choose
 from taichi_sand.solvers.bed import PAUSE, Bed
 
@@ -45,6 +46,7 @@ def check(sim: Any, record: Host, fresh: Mapping[str, np.ndarray], stored: Mappi
         number(f"over {key}", abs(value))
         if not live.beyond(record.scene, key, value):
             raise SandError(f"{key} = {value:g} is not beyond what a scene may have")
+    check_stages(record)
     if set(record.due) != set(sim.due):
         raise SandError("it says of other effects when they act")
     for name, due in record.due.items():
@@ -56,6 +58,21 @@ def check(sim: Any, record: Host, fresh: Mapping[str, np.ndarray], stored: Mappi
         raise SandError(f"steps = {record.steps} does not fit its tables")
     if len(sim.scene.grains) and int(stored[".0.grains.id"].max()) >= record.made:
         raise SandError(f"made = {record.made}, but there is a grain {stored['.0.grains.id'].max()}")
+
+
+def check_stages(record: Host) -> None:
+    """SandError unless what has come of events fits the scene, and is of the past."""
+    scene, stages = record.scene, record.stages
+    if len(stages.times) != len(scene.events) or len(stages.flows) != len(scene.sources):
+        raise SandError("it says of other events or sources what has come of them")
+    for time in (stages.began, stages.slow, *stages.times, *(since for since, _ in stages.flows)):
+        if time is not None:
+            number("time of a stage", time)
+    for count in (stages.looks, *(before for _, before in stages.flows)):
+        number("count of a stage", count, whole=True)
+    for event in scene.events:
+        if isinstance(event.at, After) and event.at.after not in names(scene.events):
+            raise SandError(f"{event.at.after} is no event of it")
 
 
 def number(name: str, value: Any, whole: bool = False, most: float = trust.HUGE) -> None:

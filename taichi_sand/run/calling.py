@@ -9,6 +9,7 @@ import numpy as np
 
 from taichi_sand.errors import SandError, show
 from taichi_sand.run.arguments import number
+from taichi_sand.scene.events import names
 from taichi_sand.solvers.bed import EARTH
 from taichi_sand.taichi_support.turns import turn
 from taichi_sand.world import edit
@@ -56,7 +57,10 @@ class Calling:
     time: float
     step: float
     owed: float
+    scene: Any
     advance_to: Any
+    events: dict[str, float]
+    _next_event: Any
 
     def every(self, seconds: float, function: Callable[[Any], Any]) -> Call:
         """Calls `function` with the simulation every so many seconds of simulated time from now on, each time after the step that ends
@@ -85,7 +89,8 @@ class Calling:
 
         Args:
             condition: a function of the simulation, asked now and every so often; or "rest": grains that can move have been slower than
-                1e-3 sqrt(g d) in the mean for 0.2 s, d their mean diameter (g that of the earth where there is none).
+                1e-3 sqrt(g d) in the mean for 0.2 s, d their mean diameter (g that of the earth where there is none); or the name of an
+                event of the scene, at whose step it then is.
             at_most: so long [s].
             every: how often it is asked, of simulated time [s].
 
@@ -95,13 +100,16 @@ class Calling:
         Raises:
             SandError: an argument is wrong.
         """
+        at_most = number("advance_until", "at_most", at_most, low=0.0)
+        if isinstance(condition, str) and condition in names(self.scene.events):
+            self.advance_to(self.time + self.owed + at_most, events=[condition])
+            return condition in self.events
         if condition == "rest":
             holds: Callable[[Any], Any] = Rest()
         elif callable(condition):
             holds = condition
         else:
-            raise SandError(f'advance_until: condition = {show(condition)} must be "rest" or a function of the simulation')
-        at_most = number("advance_until", "at_most", at_most, low=0.0)
+            raise SandError(f'advance_until: condition = {show(condition)} must be "rest", an event or a function of the simulation')
         every = number("advance_until", "every", every, low=0.0, open_low=True)
         start, count = self.time + self.owed, 0
         while not holds(self):
@@ -117,8 +125,9 @@ class Calling:
             raise SandError("a function that `every` calls cannot advance the simulation: it is advancing already")
 
     def _steps_to_call(self) -> int:
-        """Steps until the next call is due, at least 1."""
+        """Steps until the next call, or event, is due, at least 1."""
         dues = [call.due for call in self.calls.found if not call.stopped]
+        dues += [self._next_event()[0]] if self.scene.events else []
         return max(1, round(min((min(dues) - self.time) / self.step, NEVER))) if dues else NEVER
 
     def _call_due(self) -> None:
@@ -143,6 +152,11 @@ def mean_speed(world: World) -> float:
     return float(speeds.mean()) if len(speeds) else 0.0
 
 
+def slow(sim: Any) -> bool:
+    """Whether the grains hardly move at this moment."""
+    return mean_speed(sim.world) < AT_REST * math.sqrt((sim.bed.gravity or EARTH) * sim.bed.diameter)
+
+
 class Rest:
     """Whether grains have come to rest, asked again and again."""
 
@@ -151,6 +165,5 @@ class Rest:
 
     def __call__(self, sim: Any) -> bool:
         with turn:
-            slow = mean_speed(sim.world) < AT_REST * math.sqrt((sim.bed.gravity or EARTH) * sim.bed.diameter)
-        self.since = (sim.time if self.since is None else self.since) if slow else None
+            self.since = (sim.time if self.since is None else self.since) if slow(sim) else None
         return self.since is not None and sim.time - self.since >= FOR - 0.5 * sim.step

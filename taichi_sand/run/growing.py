@@ -7,6 +7,7 @@ import numpy as np
 
 from taichi_sand.run import stepping
 from taichi_sand.run.clock import Clock
+from taichi_sand.run.events import laid_walls
 from taichi_sand.scene.schema import Scene
 from taichi_sand.taichi_support import field_pool, runtime
 from taichi_sand.world.checkpoint import read_field
@@ -108,7 +109,7 @@ class Growing:
         clocks = clocks_of(self.world.movers)
         with self.clock.stage("compile"):
             if not structure_fits(self.world, scene):
-                self.first_walls = scene.walls
+                self.first_walls = laid_walls(scene)
                 self._lay_again(rooms_of(self.world), (".0.walls", ".0.movers"))
                 stepping.warm(self.world, self.solver)
         change_walls(self.world, self.scene, scene, clocks)

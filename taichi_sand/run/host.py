@@ -5,6 +5,7 @@ another solver go by. All else that changes is in fields.
 from dataclasses import asdict, dataclass, fields
 from typing import Any, Self
 
+from taichi_sand.run.events import Stages
 from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers.bed import Bed
 
@@ -23,6 +24,7 @@ class Host:
     made: int  # grains, those of the start included
     removed: int  # grains, by hand
     due: dict[str, int]  # steps after which effects that pace themselves act next, by name
+    stages: Stages  # what has come of its events
 
     @classmethod
     def of(cls, sim: Any) -> Self:
@@ -37,14 +39,15 @@ class Host:
     def to_json(self) -> dict[str, Any]:
         """As JSON can hold it."""
         found = {field.name: getattr(self, field.name) for field in fields(self)}
-        return found | {"scene": self.scene.to_json(), "bed": asdict(self.bed)}
+        return found | {"scene": self.scene.to_json(), "bed": asdict(self.bed), "stages": self.stages.to_json()}
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> Self:
         """What `to_json` gave; KeyError or TypeError if it is something else."""
         named = {field.name: data[field.name] for field in fields(cls)}
         step, time = named["epoch"]
-        return cls(**named | {"scene": Scene.from_json(named["scene"]), "bed": Bed(**named["bed"]), "epoch": (int(step), float(time))})
+        tables = {"scene": Scene.from_json(named["scene"]), "bed": Bed(**named["bed"]), "stages": Stages.from_json(named["stages"])}
+        return cls(**named | tables | {"epoch": (int(step), float(time))})
 
 
 def kept(value: Any) -> Any:

@@ -19,9 +19,9 @@ from taichi_sand.scene.schema import Scene, Solver
 
 COMPILED = ("kind", "precision", "integrator", "law")
 """Keys of [solver] that are compiled into the kernels; `k_d` is there or not."""
-FREE = {"title", "about", "duration", "view", "record", "checks", "gravity", "solver", "effects", "walls"}
+FREE = {"title", "about", "duration", "view", "record", "events", "checks", "gravity", "solver", "effects", "walls"}
 """Keys of a scene that may differ from those of the scene that is simulated; of `solver` and `effects` only what is live, and walls as far
-as `Simulation.set_walls` allows."""
+as `Simulation.set_walls` allows; events that have come do not come again."""
 MOST_RESTITUTION = 1.0
 
 

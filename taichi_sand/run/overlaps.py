@@ -66,9 +66,11 @@ def between(sim: Any, new: Discs, others: Discs) -> tuple[float, int, int]:
     return float(overlap[worst]), int(new.grain[first[worst]]), int(every.grain[second[worst]])
 
 
-def with_walls(sim: Any, new: Discs) -> tuple[float, int]:
-    """Deepest overlap [m] of one of the discs `new` with a wall, or an edge that is one, and the id of its grain; 0 if none does."""
-    walls = wall_segments(sim.world, sim.scene)
+def with_walls(sim: Any, new: Discs, walls: np.ndarray | None = None) -> tuple[float, int]:
+    """Deepest overlap [m] of one of the discs `new` with a wall, or an edge that is one, and the id of its grain; 0 if none does. The
+    walls are those there are, or straight parts (m, 2, 2) [m].
+    """
+    walls = wall_segments(sim.world, sim.scene) if walls is None else walls
     disc, wall = near_walls(new.position, walls, float(new.radius.max(initial=0.0)))
     deep, who = [new.radius[disc] - off_walls(new.position[disc], walls[wall])[0]], [new.grain[disc]]
     for axis, sides in enumerate((("left", "right"), ("bottom", "top"))):

@@ -32,6 +32,7 @@ class Readings:
     epoch: tuple[int, float]
     step: float
     clock: Clock
+    stages: Any
 
     def _column(self, name: str) -> np.ndarray:
         return read_columns(self.world, (name,))[name]
@@ -94,7 +95,7 @@ class Readings:
     def flags(self) -> list[str]:
         """What went wrong so far, a sentence each; empty when all is well."""
         found = sentences(self.world.flags, self._time_of, self.numbers["speed_cap"])
-        return found + sources.late(self.scene, self.world, self.poured)
+        return found + sources.late(self.scene, self.world, self.stages.flows, self.poured)
 
     @property
     def poured(self) -> float:

@@ -1,5 +1,6 @@
 """Checkpoints: a simulation written to a file, and gone on with from there."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -24,10 +25,16 @@ def misfit(about: dict[str, Any], announced: dict[str, Any]) -> str:
     return rooms.misfit(scene, about["room"], Rooms(*about["rooms"]), shapes)
 
 
+def laid_out(scene: Scene, walls: Sequence[Any]) -> Scene:
+    """The scene whose tables are as those of `scene`, where they have been made for these walls: they are not to be planned anew."""
+    return scene.with_walls(walls).model_copy(update={"events": ()})
+
+
 class Keeping:
     """The side of `Simulation` that outlives it."""
 
     scene: Scene
+    home: Scene
     first_walls: Any
     room: int
     hand: Any
@@ -46,8 +53,9 @@ class Keeping:
     def save(self, path: str | Path, **more: Any) -> None:
         """Writes a checkpoint from which `resume` goes on as if nothing had happened; `more` (JSON) is kept with it."""
         first_walls = [wall.model_dump(exclude_unset=True) for wall in self.first_walls]
+        home = {"home": self.home.to_json()} if self.home.events else {}  # events change the scene
         made_for = {"room": self.room, "hand": self.hand is not None, "first_walls": first_walls, "rooms": rooms_of(self.world)}
-        checkpoint.save(path, {**more, **made_for, "host": Host.of(self).to_json()}, self._fields())
+        checkpoint.save(path, {**more, **made_for, **home, "host": Host.of(self).to_json()}, self._fields())
 
     @reads
     def close(self) -> None:
@@ -76,12 +84,14 @@ class Keeping:
         room = 2 * sum(array.size for array in arrays.values()) + ROOM
         with turn, checkpoint.believing(path, "checkpoint"), field_pool.at_most(room):
             host = Host.from_json(about["host"])
-            walls = host.scene.with_walls(about["first_walls"])
-            sim = cls(walls, arch=arch, threads=threads, room=about["room"], hand=about["hand"] is True)
+            sim = cls(
+                laid_out(host.scene, about["first_walls"]), arch=arch, threads=threads, room=about["room"], hand=about["hand"] is True
+            )
             sim.take_room(Rooms(*about["rooms"]))
             tables = checkpoint.tables_of(sim._fields())
             checkpoint.check_shapes(tables, arrays)
             belief.check(sim, host, tables, arrays)
             checkpoint.restore(sim._fields(), arrays)
             host.give(sim)
+            sim.home = Scene.from_json(about["home"]) if "home" in about else sim.scene
         return sim

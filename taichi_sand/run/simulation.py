@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from os import PathLike
 from typing import Any
@@ -15,6 +15,7 @@ from taichi_sand.run import live, stepping
 from taichi_sand.run.calling import Calling, Calls
 from taichi_sand.run.clock import Clock
 from taichi_sand.run.entry import changes, running
+from taichi_sand.run.events import Staged, Stages, check_live_keys, laid_walls
 from taichi_sand.run.growing import Growing
 from taichi_sand.run.instrument import Instrument
 from taichi_sand.run.looking import Looking
@@ -38,7 +39,7 @@ from taichi_sand.world.extras.hooks import offers
 from taichi_sand.world.search.growth import NO_ROOMS
 from taichi_sand.world.sleep.fall_asleep import wake
 from taichi_sand.world.tables import MOST_STEPS, World, steps_within
-from taichi_sand.world.walls.build import check_speeds, fastest_wall, set_patience, shortest_shake, wall_loads
+from taichi_sand.world.walls.build import change_walls, check_speeds, fastest_wall, set_patience, shortest_shake, wall_loads
 
 LEAST_ROOM = 1000
 """Room for grains that a user adds by hand."""
@@ -46,7 +47,7 @@ WALL_ROOM = (4096, 65536)
 """Room for entries of walls (a grain's width of wall has some five), without and with a hand that may draw them."""
 
 
-class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Pausing, Keeping, Recorded, Readings):
+class Simulation(Instrument, Growing, Tuning, Steering, Staged, Calling, Looking, Pausing, Keeping, Recorded, Readings):
     """A scene in motion.
 
     Args:
@@ -69,12 +70,13 @@ class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Pausin
         self.runner: int | None = None  # thread that is advancing it
         self.recorders: list[Recorder] = []
         with turn, self.clock.stage("compile"):
-            self.scene, self.arch, self.room = scene, arch, room
-            self.first_walls = scene.walls  # those that tables have been made for
+            self.scene, self.home, self.arch, self.room = scene, scene, arch, room
+            self.first_walls, self.stages = laid_walls(scene), Stages.of(scene)  # walls that tables have been made for
             self.program = runtime.start(self, arch, threads, scene.solver.precision)
             self.threads = runtime.threads()
             self.over = {}
             effects = effect_modules.check(scene)
+            check_live_keys(scene)
             grains = pack(scene)
             planned = self.planned = sources.foreseen(scene, grains)
             self.rooms = NO_ROOMS  # least of its tables
@@ -84,6 +86,8 @@ class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Pausin
             self.returning = field_pool.borrow(self, lambda: self._lay(planned, hand), keep=not runtime.on_gpu())
             turn.pause()
             fill(self.world, grains)
+            if self.first_walls != scene.walls:
+                change_walls(self.world, scene.model_copy(update={"walls": self.first_walls}), scene)
             self.made, self.removed = len(grains.radius), 0
             self.steps, self.epoch, self.owed = 0, (0, 0.0), 0.0
             self._start_steps()
@@ -169,25 +173,30 @@ class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Pausin
         with running(self):
             self._advance(seconds, progress)
 
-    def advance_to(self, time: float, progress: Callable[[float], None] | None = None) -> None:
-        """Simulates until `time` [s], to the nearest step; not at all if that is past. For the rest see `advance`."""
-        self.advance(max(0.0, stretch(time) - self.time - self.owed), progress)
+    def advance_to(self, time: float, progress: Callable[[float], None] | None = None, *, events: Collection[str] = ()) -> None:
+        """Simulates until `time` [s], to the nearest step, or until one of these events of the scene, by name, has come; not at all if that
+        is past. For the rest see `advance`.
+        """
+        seconds = max(0.0, stretch(time) - self.time - self.owed)
+        with running(self):
+            self._advance(seconds, progress, events)
 
-    def _advance(self, seconds: float, progress: Callable[[float], None] | None) -> None:
+    def _advance(self, seconds: float, progress: Callable[[float], None] | None, events: Collection[str] = ()) -> None:
         start, due = self.time, self.owed + seconds
         while True:
             rest = due - (self.time - start)
             if self.steps + rest / self.step > MOST_STEPS:  # the step may change on the way
                 raise SandError(f"advance({seconds:g}): more than {MOST_STEPS} steps of {self.step:.3g} s cannot be counted")
             left = round(rest / self.step)
-            if left <= 0:
+            over = self.stopped or any(name in self.events for name in events)
+            if left <= 0 or over:
                 break
             stride = max(1, round(1 / (30 * self.step))) if progress else left
             self.advance_steps(min(left, self._steps_to_look(), self._steps_to_call(), stride))
             if progress:
                 done = self.time - start
                 progress(1.0 if due - done < 0.5 * self.step else done / due)
-        self.owed = rest
+        self.owed = 0.0 if over else rest
 
     def advance_steps(self, count: int) -> None:
         """Simulates `count` steps, with the pauses in which effects act.
@@ -205,9 +214,11 @@ class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Pausin
                         wake(self.world)
                         self.fit_tables()
                         stepping.renew(self.world, self.solver)
-            while self.steps < end:
+            self._stage()
+            while self.steps < end and not self.stopped:
                 with turn:
                     self._advance_to(end)
+                self._stage()
                 self._call_due()
 
     def _advance_to(self, end: int) -> None:
@@ -234,7 +245,7 @@ class Simulation(Instrument, Growing, Tuning, Steering, Calling, Looking, Pausin
 
     def _pour(self, world: Any, solver: Any) -> None:
         """The sources make the grains that are due."""
-        made = sources.pour(self.scene, world, self.made, self.time)
+        made = sources.pour(self.scene, world, self.stages.flows, self.made, self.time)
         if made:
             self.made += made
             self.renew()

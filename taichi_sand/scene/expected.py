@@ -9,9 +9,9 @@ from taichi_sand.scene.kinds import Number, Table, key
 
 
 def _as_moment(value: Any) -> Any:
-    if value == "end" or (isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < float("inf")):
+    if isinstance(value, str) or (isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < float("inf")):
         return value
-    raise ValueError('must be a time in seconds, or "end"')
+    raise ValueError('must be a time in seconds, or "end", or the name of an event')
 
 
 Moment = Annotated[float | str, BeforeValidator(_as_moment)]
@@ -20,10 +20,10 @@ Moment = Annotated[float | str, BeforeValidator(_as_moment)]
 class Check(Table):
     """A number that must lie in a range at some time; `taichi-sand check` says whether it does."""
 
-    observable: str = key(..., "number of the report (of a vector, with _x or _y behind its name), or repose_angle", min_length=1)
+    observable: str = key(..., "number of the report (of a vector, with _x or _y behind its name), repose_angle or spread", min_length=1)
     low: Number | None = key(None, "least that it may be, in its own unit")
     high: Number | None = key(None, "most that it may be, in its own unit")
-    at: Moment = key("end", 'when: a time, or "end", which is `duration`', "s")
+    at: Moment = key("end", 'when: a time, the name of an event, or "end", which is `duration`', "s")
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:

@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 from contextvars import ContextVar
 from typing import Annotated, Any, Literal
 
@@ -39,12 +40,19 @@ def _as_angle(value: Any) -> Any:
     raise ValueError('must be a number in radians, or "random"')
 
 
+def _as_name(value: Any) -> Any:
+    if isinstance(value, str) and re.fullmatch(r"[\w-]{0,40}", value):
+        return value
+    raise ValueError("must be a word of letters, digits, _ and -, at most 40 of them")
+
+
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False), BeforeValidator(_not_huge)]
 Whole = Annotated[int, Field(strict=True)]
 Switch = Annotated[bool, Field(strict=True)]
 Vector = tuple[Number, Number]
 Box = tuple[Number, Number, Number, Number]
 Range = Annotated[Vector, BeforeValidator(_as_range)]
+Name = Annotated[str, BeforeValidator(_as_name)]
 Angle = Annotated[float | str, BeforeValidator(_as_angle)]
 Edge = Literal["wall", "open", "periodic"]
 Numeric = Literal["speed", "energy", "force", "pressure", "stress", "deviator", "rotation", "order", "temperature", "moisture"]

@@ -7,10 +7,13 @@ from typing import Any
 
 import numpy as np
 
+SURFACE = ("name", "friction", "surface_velocity")
+"""Keys of a wall that have nothing to do with where it is."""
+
 
 def motion(wall: Any) -> dict[str, Any]:
     """The keys that say where it is at a time."""
-    return {name: value for name, value in wall.model_dump().items() if name not in ("friction", "surface_velocity")}
+    return {name: value for name, value in wall.model_dump().items() if name not in SURFACE}
 
 
 def moves(wall: Any) -> bool:
@@ -43,6 +46,12 @@ def breadth(wall: Any) -> float:
     """How broad it is across its `velocity` [m]."""
     vx, vy = np.array(wall.velocity) / np.hypot(*wall.velocity)
     return float(np.ptp(np.array(wall.points) @ [-vy, vx]))
+
+
+def pivot_at(wall: Any, time: float) -> np.ndarray:
+    """Where the pivot is when its clock shows `time` [s]."""
+    amplitude, omega = shaking(wall)
+    return pivot(wall) + np.array(wall.velocity) * time + amplitude * np.sin(omega * time)
 
 
 def corners(wall: Any, time: float = 0.0) -> np.ndarray:

@@ -3,13 +3,18 @@
 from typing import Any
 
 PLACES = ("region", "points", "pivot", "positions", "to")
-"""Keys of a scene, in whatever table, that hold places: x, y, or several such, or with more numbers behind."""
+"""Keys of a scene, in whatever table, that hold places: x, y, or several such, or with more numbers behind.
+Of a dotted key it is the last word that tells."""
 
 
 def moved(data: Any, origin: tuple[float, float]) -> Any:
     """What a scene holds, dumped, with the lower left corner of its box, `origin`, at 0, 0."""
     if isinstance(data, dict):
-        return {key: _shifted(value, origin) if key in PLACES else moved(value, origin) for key, value in data.items() if key != "origin"}
+        return {
+            key: _shifted(value, origin) if key.rpartition(".")[2] in PLACES else moved(value, origin)
+            for key, value in data.items()
+            if key != "origin"
+        }
     return [moved(part, origin) for part in data] if isinstance(data, list | tuple) else data
 
 

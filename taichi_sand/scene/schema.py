@@ -14,12 +14,14 @@ from pydantic import BaseModel, PrivateAttr, ValidationError, model_validator
 
 from taichi_sand.errors import SandError
 from taichi_sand.scene import checks
+from taichi_sand.scene.events import Event, check_events
 from taichi_sand.scene.expected import Check
-from taichi_sand.scene.kinds import Angle, Box, Color, Edge, Number, Range, Switch, Table, Vector, Whole, key, sealed
+from taichi_sand.scene.kinds import Angle, Box, Color, Edge, Name, Number, Range, Switch, Table, Vector, Whole, key, sealed
 from taichi_sand.scene.origin import moved
 from taichi_sand.scene.record import Record
 from taichi_sand.scene.rows import read_rows
 from taichi_sand.scene.shapes import BUILT_IN, Form, form
+from taichi_sand.scene.walls import Shake, Wall
 from taichi_sand.scene.wording import in_words
 
 MOST_GRAINS = 4_000_000
@@ -126,36 +128,10 @@ class Grains(Table):
         return self
 
 
-class Shake(Table):
-    """How a wall is shaken: its displacement is amplitude sin(2 π frequency t)."""
-
-    amplitude: Vector = key(..., "[ax, ay]", "m")
-    frequency: Number = key(..., "of the shaking", "Hz", gt=0, le=1e5)
-
-
-class Wall(Table):
-    """A line obstacle: a polyline, solid from both sides, still or moved as its keys say."""
-
-    points: tuple[Vector, ...] = key(..., "corners [[x, y], …], at least two", "m", min_length=2)
-    closed: Switch = key(False, "joins the last point to the first")
-    friction: Number | None = key(None, "coefficient of friction; that of [effects.friction] if not given", ge=0, le=10)
-    surface_velocity: Number = key(0.0, "of its surface along the line, from its first point to its last: a conveyor belt", "m/s")
-    velocity: Vector = key((0.0, 0.0), "[vx, vy] that it moves with", "m/s")
-    spin: Number = key(0.0, "that it turns with, counter-clockwise", "rad/s")
-    pivot: Vector | None = key(None, "[x, y] at time 0 of what it turns about; the mean of its points if not given", "m")
-    shake: Shake | None = key(None, "{ amplitude = [ax, ay], frequency = Hz } that it is shaken with")
-    force: Number | None = key(None, "that it is pushed along its `velocity` with, which then is the fastest that it moves", "N", gt=0)
-    mass: Number | None = key(None, "of a wall with `force`; it has no inertia if not given", "kg", gt=0)
-
-    @model_validator(mode="after")
-    def _fits_together(self) -> Self:
-        checks.wall(self)
-        return self
-
-
 class Source(Table):
     """Makes grains while the simulation runs, in random free places of its region; each waits for the one before it."""
 
+    name: Name = key("", "what [[events]] call it that start or end it; one that an event starts makes nothing until then")
     shape: str = key("disc", "disc, 2x1, 3x1, triangle, square, or the name of one of [[shapes]]")
     radius: Range = key(..., "radius of a disc, of which a shape has several: a number, or [low, high] to draw from uniformly", "m")
     density: Number = key(2650.0, "mass / area", "kg/m2", ge=1e-6)
@@ -239,6 +215,7 @@ class Scene(Table):
     effects: dict[str, dict[str, Any]] = key({}, "a table present = the effect is on")
     view: View = key(View(), "how pictures look")
     record: Record = key(Record(), "what `run` writes beside its report")
+    events: tuple[Event, ...] = key((), "stages of an experiment: what is changed while it is simulated, and when")
     checks: tuple[Check, ...] = key((), "what it must show, for `taichi-sand check`")
     _source: str = PrivateAttr("")
 
@@ -255,6 +232,8 @@ class Scene(Table):
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
         checks.scene(self)
+        if not sealed.get():  # a simulation that is gone on with has lost the walls that were removed
+            check_events(self)
         return self
 
     def _grown(self) -> dict[str, Any]:
@@ -274,6 +253,9 @@ class Scene(Table):
             wall["points"] = [[length * x, length * y] for x, y in wall["points"]]
             if wall.get("pivot"):
                 wall["pivot"] = [length * x for x in wall["pivot"]]
+        for event in data.get("events", ()):
+            places = {name: [length * x for x in value] for name, value in event.get("set", {}).items() if name.endswith(".pivot")}
+            event["set"] = {**event.get("set", {}), **places}
         return data
 
     @property
@@ -326,4 +308,4 @@ class Scene(Table):
 
 def _tables() -> dict[str, type[BaseModel]]:
     kinds = {"solver": Solver, "shapes": Shape, "grains": Grains, "walls": Wall, "shake": Shake, "sources": Source, "sinks": Sink}
-    return {"": Scene, "edges": Edges, "view": View, "record": Record, **kinds, "water": Water, "checks": Check}
+    return {"": Scene, "edges": Edges, "view": View, "record": Record, **kinds, "water": Water, "events": Event, "checks": Check}

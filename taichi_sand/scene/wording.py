@@ -23,7 +23,7 @@ ALLOWED = {
     "dict_type": "must be a table with keys of its own",
     "string_pattern_mismatch": 'must be a colour like "#2B5DA8"',
 }
-LISTS = ("shapes", "grains", "walls", "sources", "sinks", "checks")
+LISTS = ("shapes", "grains", "walls", "sources", "sinks", "events", "checks")
 LIMITS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
 
 

@@ -56,10 +56,12 @@ def water_of(sim: Any) -> Any:
 
 
 def facts(sim: Any) -> list[str]:
-    """What the caption says of this moment: time, grains, how it is computed."""
+    """What the caption says of this moment: time, the event that came last, grains, how it is computed."""
     grains, solver = sim.count, sim.scene.solver
+    come = sorted(sim.events.items(), key=lambda event: event[1])[-1:]
     return [
         f"t = {sim.time:.2f} s",
+        *(f"{name} at {time:.2f} s" for name, time in come),
         f"{grains} grain{'' if grains == 1 else 's'}",
         f"{solver.kind}, tolerance {solver.tolerance:g} d",
     ]

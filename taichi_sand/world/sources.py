@@ -5,8 +5,9 @@ has the sizes that were asked for. Grains that are due and have no room yet are 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,6 +28,13 @@ DIGITS = 10
 """Two to that is the most grains in a row that are spread evenly; the means of so many are the same to five digits."""
 CHUNK = 256
 """Grains whose sizes are drawn at once."""
+
+
+class Flow(NamedTuple):
+    """Since when a source has been making grains."""
+
+    since: float | None  # [s]; None: it makes none
+    before: int  # grains that it was asked for until then
 
 
 def room_for(scene: Any) -> int:
@@ -66,21 +74,25 @@ def steps_between(step: float) -> int:
     return steps_within(INTERVAL, step)
 
 
-def due(source: Any, time: float) -> int:
+def due(source: Any, flow: Flow, time: float) -> int:
     """Grains that a source has been asked for until `time` [s]."""
-    return math.floor(source.rate * (time if source.until is None else min(time, source.until)) + 1e-6)
+    if flow.since is None:
+        return flow.before
+    seconds = (time if source.until is None else min(time, source.until)) - flow.since
+    return flow.before + math.floor(source.rate * max(0.0, seconds) + 1e-6)
 
 
-def waiting(scene: Any, world: World, time: float) -> list[int]:
-    """Grains of each source that are late at `time` [s], as they have found no room."""
-    return [due(source, time) - int(world.flow.made[index]) for index, source in enumerate(scene.sources)]
+def waiting(scene: Any, world: World, flows: Sequence[Flow], time: float) -> list[int]:
+    """Grains of each source, which makes them as `flows` say, that are late at `time` [s], as they have found no room."""
+    asked = [due(source, flow, time) for source, flow in zip(scene.sources, flows, strict=True)]
+    return [number - int(world.flow.made[index]) for index, number in enumerate(asked)]
 
 
-def late(scene: Any, world: World, time: float) -> list[str]:
+def late(scene: Any, world: World, flows: Sequence[Flow], time: float) -> list[str]:
     """A sentence for each source that is more than LATE behind."""
     found = []
-    for index, number in enumerate(waiting(scene, world, time)):
-        asked = due(scene.sources[index], time)
+    for index, number in enumerate(waiting(scene, world, flows, time)):
+        asked = due(scene.sources[index], flows[index], time)
         if number > max(LATE * asked, FEWEST_LATE):
             found.append(
                 f"sources[{index}] has made {asked - number} of the {asked} grains that were due: {number} wait for room in its region, "
@@ -128,13 +140,14 @@ def draw(scene: Any, index: int, first: int, count: int) -> tuple[np.ndarray, np
     return low + (high - low) * size, angle
 
 
-def pour(scene: Any, world: World, first_id: int, time: float) -> int:
+def pour(scene: Any, world: World, flows: Sequence[Flow], first_id: int, time: float) -> int:
     """Makes the grains that are due at `time` [s], in their order: where one finds no room, it and those after it stay due. So what has
     been made has the sizes that were asked for, also where small grains would find more room. Returns how many it made.
     """
     count = 0
-    there = places_of(world) if any(number > 0 for number in waiting(scene, world, time)) else None
-    for index, number in enumerate(waiting(scene, world, time)):
+    late_ones = waiting(scene, world, flows, time)
+    there = places_of(world) if any(number > 0 for number in late_ones) else None
+    for index, number in enumerate(late_ones):
         if number <= 0 or there is None:
             continue
         room = edit.room(world)

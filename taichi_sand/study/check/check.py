@@ -1,7 +1,7 @@
 """Simulates scenes and holds them to their [[checks]]."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +20,7 @@ class Row:
     scene: str
     observable: str
     at: float  # [s]
-    value: float  # NaN: there was nothing to measure
+    value: float  # NaN: there was nothing to measure, or the event that it waits for has not come
     low: float
     high: float
 
@@ -43,8 +43,27 @@ class Row:
 
 
 def when(scene: Scene, check: Check) -> float:
-    """The time at which a check is due [s]."""
+    """The time at which a check is due at the latest [s]."""
     return float(scene.duration if isinstance(check.at, str) else check.at)
+
+
+def moments(sim: Simulation, told: Callable[[float], None] | None) -> Iterator[tuple[Check, bool]]:
+    """Simulates on, and yields each check of the scene when it is due, at a time or at the step of an event, and whether that came: once an
+    event has ended the simulation, no later time does.
+    """
+    scene = sim.scene
+    left = {one.at for one in scene.checks if isinstance(one.at, str)} - {"end"}
+    for stop in sorted({when(scene, one) for one in scene.checks}):
+        while True:
+            sim.advance_to(stop, progress=told, events=left)
+            come = left & sim.events.keys()
+            yield from ((one, True) for one in scene.checks if one.at in come)
+            left -= come
+            if not come:
+                break
+        there = sim.time > stop - sim.step
+        yield from ((one, there or one.at == "end") for one in scene.checks if when(scene, one) == stop and one.at in (stop, "end"))
+    yield from ((one, False) for one in scene.checks if one.at in left)
 
 
 def observe(sim: Simulation, observable: str) -> float:
@@ -80,9 +99,9 @@ def check(
             observe(sim, wanted.observable)
         rows, end = [], max(when(scene, wanted) for wanted in scene.checks)
         told = None if progress is None else lambda _: progress(min(1.0, sim.time / end))
-        for wanted in sorted(scene.checks, key=lambda one: when(scene, one)):
-            sim.advance_to(when(scene, wanted), progress=told)
+        for wanted, came in moments(sim, told):
             low = -math.inf if wanted.low is None else wanted.low
             high = math.inf if wanted.high is None else wanted.high
-            rows.append(Row(name, wanted.observable, sim.time, observe(sim, wanted.observable), low, high))
+            value = observe(sim, wanted.observable) if came else math.nan
+            rows.append(Row(name, wanted.observable, sim.time, value, low, high))
         return rows

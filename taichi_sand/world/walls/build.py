@@ -81,7 +81,7 @@ def check_speeds(scene: Any, cap: float) -> None:
     for index, wall in enumerate(scene.walls):
         if (speed := moving.top_speed(wall)) > cap:
             text = f"moves at up to {speed:.3g} m/s; with this step no more than {cap:.3g} m/s can be followed, a smaller one allows more"
-            raise scene.error(f"walls[{index}]", text)
+            raise scene.error(f"walls.{wall.name}" if wall.name else f"walls[{index}]", text)
 
 
 def set_patience(world: World, scene: Any) -> None:

@@ -125,7 +125,8 @@ def constants(walls: Sequence[Any]) -> dict[str, np.ndarray]:
 def set_out(movers: Movers, walls: Sequence[Any]) -> None:
     """All clocks at 0, for these moving [[walls]]; one with a mass starts from rest."""
     rates = np.array([0.0 if wall.mass else 1.0 for wall in walls])
-    columns = {**constants(walls), "rate": rates, "onward": rates, "head": np.full(movers.head.shape[0], -1)}
+    columns = {**constants(walls), "rate": rates, "onward": rates}
+    columns |= {name: np.full(getattr(movers, name).shape[0], -1) for name in ("head", "next")}
     for name, values in columns.items():
         write_rows(getattr(movers, name), values)
     movers.walls[None] = len(walls)
