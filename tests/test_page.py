@@ -79,7 +79,8 @@ def test_discs_are_where_the_film_has_them(made: Made, chromium: Any) -> None:
         for number in (0, 1, 31, 32, 49):
             expected = made.frames[number]
             found = page.evaluate(
-                """async at => { const film = sand; film.seek(at); await new Promise(done => setTimeout(done, 50));
+                """async at => { const film = sand; film.seek(at);
+                while (film.busy) await new Promise(done => setTimeout(done, 10));
                 const p = film.picture, n = p.now(), rows = p.listDiscs(n);
                 return { time: p.frame.time, grains: p.frame.grains, rows: Array.from(p.place.subarray(0, 4 * rows)) }; }""",
                 page.evaluate("k => sand.tail.series.at[k] + 1e-9", number),
@@ -118,7 +119,8 @@ def test_the_picture_is_that_of_the_film(flat: bool, made: Made, chromium: Any, 
         )
         for number, view in ((2, "kind"), (6, "speed")):
             page.evaluate("([k, view]) => { sand.view(view); sand.seek(sand.tail.series.at[k] + 1e-9) }", [number, view])
-            page.wait_for_timeout(300)
+            until(page, "!sand.busy && !sand.picture.stale")
+            page.wait_for_timeout(200)
             page.screenshot(path=tmp_path / "shot.png")
             shot = np.asarray(Image.open(tmp_path / "shot.png").convert("RGB")).astype(int)
             assert shot.shape == (height, WIDTH, 3)
@@ -147,14 +149,14 @@ def test_keys_links_and_pointer(made: Made, chromium: Any) -> None:
         page.keyboard.press("Space")
         assert not page.evaluate("sand.playing")
         page.evaluate("sand.seek(0.1)")
-        page.wait_for_timeout(300)
+        until(page, "!sand.busy && !sand.picture.stale")
         x, y = page.evaluate("""() => { const p = sand.picture, k = p.frame.roster.fixed.indexOf(1), [left, low, scale] = p.map;
             return [(p.x[k] * scale + left) / p.ratio, (p.canvas.height - p.y[k] * scale - low) / p.ratio]; }""")
         page.mouse.move(x, y)
-        page.wait_for_timeout(300)
+        until(page, "!document.getElementById('tip').hidden")
         assert re.match(r"grain \d+ · disc · fixed\nradius 10 mm", page.inner_text("#tip"))
         page.mouse.wheel(0, -240)
-        page.wait_for_timeout(100)
+        until(page, "sand.picture.camera")
         zoom = page.evaluate("sand.picture.camera.zoom")
         assert zoom > 1.1 and page.evaluate("([x, y]) => sand.picture.under(sand.picture.point({ clientX: x, clientY: y }))", [x, y]) >= 0
         page.keyboard.press("Home")

@@ -163,6 +163,9 @@ def play(
         Path | None, typer.Option("--record", metavar="FILE", help="Everything that is done, for `render FILE` to do again.")
     ] = None,
     width: Annotated[int | None, typer.Option("--width", min=200, max=4000, help="Of the picture, in pixels.")] = None,
+    web: Annotated[bool, typer.Option("--web", help="In a browser instead of a window; prints the address to open.")] = False,
+    host: Annotated[str, typer.Option("--host", help="With --web: address to serve at; by default none but this machine.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="With --web: the port; 0 is any that is free.")] = 0,
     overrides: Overrides = None,
     arch: Arch = "cpu",
     threads: Threads = None,
@@ -174,6 +177,12 @@ def play(
         for option, path in (("--folder", folder / "any"), ("--report", report), ("--record", record)):
             if path is not None:
                 writing.check(path, option)
+        if web:
+            from taichi_sand.play.web import face
+
+            made = {"arch": arch, "threads": threads}
+            face.play(loaded, Path(scene).stem, folder=folder, host=host, port=port, record=record, **made)
+            return
         from taichi_sand.play.session import Session
         from taichi_sand.play.window import window
 

@@ -7,6 +7,7 @@ import base64
 import gc
 import hashlib
 import json
+import re
 from typing import Any
 
 import numpy as np
@@ -24,10 +25,11 @@ from taichi_sand.run.simulation import Simulation
 from taichi_sand.scene.schema import Scene
 from taichi_sand.scene.walls import Wall
 from taichi_sand.taichi_support import runtime
-from taichi_sand.view.views import KIND, views_of
+from taichi_sand.view.views import KIND, check_view, views_of
 
 MOST_BUILT = 6
 """Structures (solver, effects) that are kept ready; with more, all are dropped, as Taichi frees single ones never."""
+COLOUR = re.compile("#[0-9a-fA-F]{6}")
 LOOKS = {"color": "kind", "chains": False, "velocities": False, "forces": False, "grid": False, "bonds": True, "asleep": True, "hud": True}
 """What may be switched of how it looks, and how it starts."""
 
@@ -238,6 +240,10 @@ def _effect(session: Session, name: str, on: bool) -> None:
 
 
 def _look(session: Session, key: str, value: Any) -> None:
+    if key == "color":
+        check_view(value, session.sim.world)
+    if key in ("cold", "hot") and not COLOUR.fullmatch(value):
+        raise SandError(f"{key} = {value[:20]!r} is no colour; it reads #RRGGBB")
     session.look[key] = value
 
 
@@ -276,7 +282,13 @@ def _kind(session: Session, step: int) -> None:
 
 
 def _open(session: Session, scene: str) -> None:
-    session.open(Scene.from_json(scene))
+    new, old, moment = Scene.from_json(scene), session.home, session.moment()
+    try:
+        session.open(new)
+    except SandError:  # what cannot be simulated leaves what there was, but for what could be undone
+        session.open(old)
+        session.go_to(moment)
+        raise
 
 
 def _load(session: Session, data: str) -> None:

@@ -1,57 +1,25 @@
 """The numbers over the picture, and the sentences that must not be missed."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taichi_sand.measure.report import contacts, motion
 from taichi_sand.play.keys import GROUPS, KEYS
-from taichi_sand.play.window.sheet import ATTENTION, DIM, GROUND, IDLE, PANEL, TEXT, WRONG, Sheet
-from taichi_sand.view.caption import number_text, spaced
+from taichi_sand.play.numbers import DOT
+from taichi_sand.play.window.sheet import DIM, GROUND, IDLE, PANEL, TEXT, TONES, WRONG, Sheet
+from taichi_sand.view.caption import spaced
 
 if TYPE_CHECKING:
     from taichi_sand.play.session import Session
 
-DOT = " · "
 LINE = 16
 SIZE = 11
 TOP, LEFT = 84, 14
 
 
-def measure(session: "Session", before: dict[str, Any]) -> dict[str, Any]:
-    """What is measured a few times a second; `before` is what it was the last time."""
-    sim = session.sim
-    found = {**contacts(sim), **motion(sim), "grains": sim.count, "lost": sim.lost, "time": sim.time, "flags": sim.flags()}
-    found["asleep"] = int(sim.world.sleep.state[None].asleep) if sim.world.sleeps else 0
-    found["energy"] = found["kinetic_energy_J"] + found["potential_energy_J"]
-    passed = found["time"] - before.get("time", found["time"])
-    found["power"] = (found["energy"] - before["energy"]) / passed if passed > 0 else 0.0
-    return found
-
-
-def lines(session: "Session", m: dict[str, Any]) -> list[tuple[str, str]]:
-    """The numbers as lines of text and their colours."""
-    stages = m.get("stages", {})
-    counted = [f"{m[name]} {name}" for name in ("asleep", "lost") if m.get(name)]
-    shown = [
-        (DOT.join([f"{m['grains']} grains", *counted, f"{m['contacts']} contacts"]), TEXT),
-        (f"{m.get('frames', 0.0):.0f} frames/s · {m.get('real_time', 0.0):.2f}x real time · asked {session.speed:g}x", TEXT),
-        (
-            f"tolerance {session.value('solver.tolerance'):g} d · measured mean {m['overlap_mean']:.4f}, "
-            f"p99 {m['overlap_p99']:.4f}, worst {m['overlap_max']:.4f} d",
-            TEXT if m["overlap_p99"] <= session.value("solver.tolerance") else ATTENTION,
-        ),
-        (f"energy {number_text(m['energy'])} J, {m['power']:+.3g} W · kinetic {number_text(m['kinetic_energy_J'])} J", TEXT),
-        (DOT.join(f"{name} {1e3 * seconds:.1f} ms" for name, seconds in stages.items()), DIM),
-    ]
-    if any(m.get("given", ())):
-        shown.append((f"hand gave {m['given'][0]:.4g}, {m['given'][1]:.4g} N s", TEXT))
-    return shown + [(sentence, ATTENTION) for sentence in m["flags"]]
-
-
 def compose(shown: list[tuple[str, str]], width: int) -> list[tuple[int, int, np.ndarray]]:
-    """The lines on their ground, as tiles; a sentence that is too long goes on in the next line."""
-    fitted = [(part, colour) for text, colour in shown for part in wrap(text, width - 2 * LEFT - 16)]
+    """Lines and their tones on their ground, as tiles; a sentence that is too long goes on in the next line."""
+    fitted = [(part, TONES[tone]) for text, tone in shown for part in wrap(text, width - 2 * LEFT - 16)]
     sheet = Sheet()
     wide = max(spaced(text, SIZE)[1] for text, _ in fitted)
     sheet.plate(LEFT - 8, TOP - 6, 16 * (-(-(wide + 16) // 16)), LINE * len(fitted) + 10, GROUND, 4, 0.72)

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_sand import effects
+from taichi_sand.play import choices, numbers
 from taichi_sand.play.knobs import Knob
 from taichi_sand.play.tools import TOOLS
 from taichi_sand.play.window.hud import wrap
-from taichi_sand.play.window.sheet import ACCENT, ATTENTION, DIM, GOOD, GROUND, IDLE, PANEL, TEXT, WRONG, Sheet
-from taichi_sand.view.caption import number_text, spaced
+from taichi_sand.play.window.sheet import ACCENT, ATTENTION, DIM, GROUND, IDLE, PANEL, TEXT, TONES, WRONG, Sheet
+from taichi_sand.view.caption import spaced
 from taichi_sand.view.views import views_of
 
 if TYPE_CHECKING:
@@ -23,17 +24,6 @@ HEAD, VALUE = 9, 12
 INNER = WIDTH - 2 * PAD
 BAR, KNOB = 4, 10
 SLIDER_STEP, ROW_STEP, BUTTON_STEP, LINE, HEAD_GAP = 28, 17, 26, 15, 5
-SWITCHES = {
-    "chains": "chains",
-    "forces": "forces",
-    "velocities": "velocities",
-    "grid": "grid",
-    "hud": "numbers",
-    "asleep": "sleepers",
-    "bonds": "bonds",
-}
-SWATCHES = {"cold": ("#2B5DA8", "#4FA3D1", "#1B7A6E", "#5E4BA8", "#343A44"), "hot": ("#F2542D", "#F2C14E", "#E85D9E", "#7BC47F", "#FFFFFF")}
-"""Colours that the ends of the scale of energy can be given, besides those of the scene."""
 
 
 @dataclass(frozen=True)
@@ -103,14 +93,8 @@ class Panel:
         for knob in self.knobs:
             if knob.group == "accuracy":
                 self._slider(session, knob)
-        asked, found = session.value("solver.tolerance"), measured.get("overlap_p99", 0.0)
-        good = found <= asked
-        self._row("measured p99", f"{found:.4f} d  {'within' if good else 'above'}", GOOD if good else ATTENTION)
-        self._row("cost", f"{measured.get('cost', 0.0):.2g} s per s")
-        factor = measured.get("real_time", 0.0)
-        near = factor > 0.95 * session.speed or measured.get("paused", False)
-        word = "paused" if measured.get("paused") else f"{factor:.2f}x" if near else f"{factor:.2f}x  slowed down"
-        self._row("real time", word, GOOD if near else ATTENTION)
+        for label, value, tone in numbers.accuracy(session, measured):
+            self._row(label, value, TONES[tone])
 
     def _numbers(self, session: "Session") -> None:
         self._head("WORLD", "ranges open: unphysical" if session.opened else "")
@@ -121,7 +105,7 @@ class Panel:
     def _effects(self, session: "Session") -> None:
         scene = session.sim.scene
         self._head("EFFECTS", "off: they cost nothing" if len(scene.effects) < len(effects.names()) else "")
-        fitting = [name for name in effects.names() if scene.solver.kind in effects.find(name).solvers]
+        fitting = effects.fitting(scene.solver.kind)
         buttons = [(name, "", name in scene.effects, {"action": ("effect", name, name not in scene.effects)}) for name in fitting]
         self._buttons(buttons, 3)
         for knob in self.knobs:
@@ -146,10 +130,9 @@ class Panel:
         names = views_of(session.sim.world)
         self._buttons([(name, "", look["color"] == name, {"action": ("look", "color", name)}) for name in names], 4)
         if look["color"] == "energy":
-            for end in SWATCHES:
+            for end in choices.SWATCHES:
                 self._swatches(session, end)
-        there = {"asleep": session.sim.world.sleeps, "bonds": session.sim.world.linked}
-        switches = [(key, text) for key, text in SWITCHES.items() if there.get(key, True)]
+        switches = choices.switches(session)
         self._buttons([(text, "", look[key], {"action": ("look", key, not look[key])}) for key, text in switches], 3)
         self.sheet.text(self.left, self.y, "space pause · z undo · h help", 11, DIM)
         self.y += ROW_STEP
@@ -171,7 +154,7 @@ class Panel:
     def _slider(self, session: "Session", knob: Knob) -> None:
         value = session.value(knob.key)
         self.sheet.text(self.left, self.y, knob.label, VALUE)
-        shown = f"{number_text(value)} {knob.unit}".rstrip()
+        shown = numbers.shown(knob, value)
         odd = not knob.physical(value)
         self.sheet.text(self.left + INNER, self.y, shown, VALUE, WRONG if odd else DIM, align=1)
         share, middle = knob.share(value, session.opened), self.y + 21
@@ -186,8 +169,7 @@ class Panel:
     def _swatches(self, session: "Session", end: str) -> None:
         """Colours for one end of the scale of energy."""
         self.sheet.text(self.left, self.y + 3, end, VALUE)
-        own = getattr(session.home.view, end)
-        for number, colour in enumerate(dict.fromkeys((own, *SWATCHES[end]))):
+        for number, colour in enumerate(choices.swatches(session, end)):
             x = self.left + 60 + 28 * number
             if session.look[end] == colour:
                 self.sheet.plate(x - 3, self.y - 1, 26, 22, ACCENT, 5)

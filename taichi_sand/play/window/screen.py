@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taichi_sand.play import numbers
 from taichi_sand.play.window import hud
 from taichi_sand.play.window.overlay import Overlay
 from taichi_sand.play.window.panel import WIDTH as PANEL_WIDTH
@@ -44,7 +45,7 @@ class Screen:
         self.top = (self.size[1] - self.picture[1]) // 2
         self.panel = Panel(self.size[1])
         self.painter: Painter | None = None
-        self.numbers: list = []
+        self.lines: list = []
         self.stages: dict[str, float] = {}
         self.help = False
 
@@ -80,9 +81,9 @@ class Screen:
         self.stages["paint"] = painted - start
         self._blit(canvas, picture)
         sheet = hud.notices(session, self.picture[0], self.size[1], told)
-        if look["hud"] and self.numbers:
+        if look["hud"] and self.lines:
             down = self._down()
-            sheet.tiles = [(x, y + down, tile) for x, y, tile in self.numbers] + sheet.tiles
+            sheet.tiles = [(x, y + down, tile) for x, y, tile in self.lines] + sheet.tiles
         if cursor is not None:
             self._cursor(canvas, cursor)
         sheet.paint(canvas, *self.size)
@@ -94,11 +95,11 @@ class Screen:
     def paint_panel(self, canvas: np.ndarray, measured: dict[str, Any]) -> None:
         """Paints the panel, and composes the numbers over the picture."""
         self.panel.paint(canvas, *self.size, self.session, measured)
-        self.numbers = hud.compose(hud.lines(self.session, measured), self.picture[0]) if measured else []
+        self.lines = hud.compose(numbers.lines(self.session, measured), self.picture[0]) if measured else []
 
     def _down(self) -> int:
         """How far down the numbers go [px]: above the picture if there is room, else into it, below its caption."""
-        first, last = self.numbers[0][1], max(y + tile.shape[0] for _, y, tile in self.numbers)
+        first, last = self.lines[0][1], max(y + tile.shape[0] for _, y, tile in self.lines)
         return MARGIN - first if last - first + 2 * MARGIN < self.top else self.top
 
     def message(self, canvas: np.ndarray, text: str) -> None:

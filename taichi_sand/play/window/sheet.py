@@ -12,6 +12,7 @@ from taichi_sand.view.kernels import paint_tiles
 PANEL, IDLE, ACCENT = "#1E2229", "#343A44", "#F2A65A"
 GOOD, ATTENTION, WRONG = "#7BC47F", "#F2C14E", "#E5534B"
 GROUND, TEXT, DIM = palette.GROUND, palette.TEXT, palette.DIM_TEXT
+TONES = {"": TEXT, "dim": DIM, "good": GOOD, "attention": ATTENTION}
 FINE = 4
 """Plates are drawn this much larger and shrunk, which smooths their corners."""
 

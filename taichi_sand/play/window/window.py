@@ -12,12 +12,12 @@ import taichi as ti
 from taichi_sand.errors import SandError
 from taichi_sand.files.jsons import as_line
 from taichi_sand.files.writing import Lines
+from taichi_sand.play import numbers
 from taichi_sand.play.files import Film
+from taichi_sand.play.pace import FRAME, Pace
 from taichi_sand.play.recording import Recorder
 from taichi_sand.play.session import Session
-from taichi_sand.play.window import hud
 from taichi_sand.play.window.controls import Controls
-from taichi_sand.play.window.pace import FRAME, Pace
 from taichi_sand.play.window.screen import Screen, picture_width
 from taichi_sand.taichi_support.runtime import compiled
 
@@ -27,7 +27,7 @@ TRIES, PAUSE = 5, 0.3
 """How often a window is tried to be opened, and the time between [s]."""
 IDLE = 0.03
 """A paused window looks for input so often [s]."""
-NO_DISPLAY = "there is no display to open a window on; `taichi-sand render` makes films without one"
+NO_DISPLAY = "there is no display to open a window on; `taichi-sand play --web` plays in a browser, `taichi-sand render` makes films"
 LISTENER = Callable[[list, int], None]
 
 
@@ -185,7 +185,7 @@ class Window:
     def _measure(self, now: float) -> None:
         """What the panel and the numbers over the picture say."""
         session, pace = self.session, self.pace
-        self.measured = hud.measure(session, self.measured)
+        self.measured = numbers.measure(session, self.measured)
         self.pace.stage("measure", time.perf_counter() - now)
         self.measured_at = now
         self.measured |= {"frames": pace.frames, "real_time": pace.factor, "paused": self.controls.paused}

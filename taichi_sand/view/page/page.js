@@ -12,11 +12,18 @@ const rgb = text => [1, 3, 5].map(k => parseInt(text.slice(k, k + 2), 16));
 const table = text => Uint8Array.from({ length: text.length / 2 }, (_, k) => parseInt(text.slice(2 * k, 2 * k + 2), 16));
 const maps = Object.fromEntries(Object.entries(style.maps).map(([name, text]) => [name, table(text)]));
 const FIXED = rgb(style.fixed), DIM = rgb(style.dim), BOND = rgb(style.bond), GROUND = rgb(style.ground), FOAM = rgb(style.foam);
-const TEXT = [230, 232, 235], ACCENT = [242, 166, 90];
+const TEXT = [230, 232, 235], ACCENT = [242, 166, 90], VELOCITY = [111, 195, 255], FORCE = [255, 154, 60], GRID = [52, 58, 68];
 
 function blend(cold, hot) { // as light is mixed; see palette.blend_map
   const ends = [cold, hot].map(end => rgb(end).map(c => (c / 255) ** 2.2));
   return Uint8Array.from({ length: 768 }, (_, k) => 255 * (ends[0][k % 3] + (ends[1][k % 3] - ends[0][k % 3]) * Math.floor(k / 3) / 255) ** (1 / 2.2) + 0.5);
+}
+
+const pack = (colour, at = 0) => colour[at] | colour[at + 1] << 8 | colour[at + 2] << 16;
+
+function sleepy(packed) { // at 60 % of its saturation and 80 % of its lightness
+  const colour = [0, 8, 16].map(shift => packed >> shift & 255), grey = (77 * colour[0] + 150 * colour[1] + 29 * colour[2]) / 256;
+  return pack(colour.map(c => 0.8 * (grey + 0.6 * (c - grey)) + 0.5));
 }
 
 function number(value) { // three digits, as captions have them
@@ -97,16 +104,27 @@ async function groupOf(buffer, rosterAt) {
 
 // Painting: by WebGL2, or by the canvas's own means where there is none
 
-const DISC = [`#version 300 es
-  in vec2 corner; in vec4 place; in vec4 tint; uniform vec3 map; uniform vec2 half_size; out vec2 at; out vec3 colour; flat out vec4 form;
+// Discs are a triangle each, lines two, numbered by gl_VertexID, and what is known of each is a texel: instances would be drawn one by one
+// where the CPU does the work of a GPU, at 20 µs each.
+const ACROSS = 1024;
+const shape = corners => `#version 300 es
+  precision highp float; precision highp int;
+  uniform highp sampler2D places; uniform highp sampler2D tints; uniform vec3 map; uniform vec2 half_size;
+  ivec2 texel() { int shape = gl_VertexID / ${corners}; return ivec2(shape % ${ACROSS}, shape / ${ACROSS}); }
+  vec2 corner() { int k = gl_VertexID % 6; return vec2(k == 1 || k == 2 || k == 4 ? 1.0 : -1.0, k == 2 || k == 4 || k == 5 ? 1.0 : -1.0); }
+  vec4 clip(vec2 pixel) { return vec4(pixel / half_size - 1.0, 0.0, 1.0); }
+`;
+const DISC = [`${shape(3)}
+  out vec2 at; flat out vec3 colour; flat out vec4 form;
   void main() {
+    vec4 place = texelFetch(places, texel(), 0), tint = texelFetch(tints, texel(), 0);
     float radius = place.z * map.z, shown = max(radius, 1.0);
-    at = corner * (shown + 1.0);
-    vec2 pixel = place.xy * map.z + map.xy + at;
+    int k = gl_VertexID % 3; // about a circle
+    at = (k == 0 ? vec2(0.0, 2.0) : vec2(k == 1 ? -1.7321 : 1.7321, -1.0)) * (shown + 0.75);
     colour = tint.rgb; form = vec4(radius, shown, place.w, tint.a);
-    gl_Position = vec4(pixel / half_size - 1.0, 0.0, 1.0);
+    gl_Position = clip(place.xy * map.z + map.xy + at);
   }`, `#version 300 es
-  precision highp float; in vec2 at; in vec3 colour; flat in vec4 form; uniform float spoke[5]; out vec4 painted;
+  precision highp float; in vec2 at; flat in vec3 colour; flat in vec4 form; uniform float spoke[5]; out vec4 painted;
   void main() {
     float r = form.x, shown = form.y, cover = clamp((shown * shown + shown - dot(at, at)) / (2.0 * shown), 0.0, 1.0);
     if (cover <= 0.0) discard;
@@ -120,26 +138,27 @@ const DISC = [`#version 300 es
     }
     painted = vec4(c, cover * (r / shown) * (r / shown));
   }`];
-const LINE = [`#version 300 es
-  in vec2 corner; in vec4 place; in vec4 tint; in float width; uniform vec3 map; uniform vec2 half_size; out vec2 at; out vec4 colour; flat out vec2 form;
+const LINE = [`${shape(6)}
+  uniform highp sampler2D widths; out vec2 at; flat out vec4 colour; flat out vec2 form;
   void main() {
+    vec4 place = texelFetch(places, texel(), 0), tint = texelFetch(tints, texel(), 0);
+    float width = texelFetch(widths, texel(), 0).r;
     vec2 a = place.xy * map.z + map.xy, b = place.zw * map.z + map.xy, way = b - a;
     float size = length(way), pad = 0.5 * max(width, 1.0) + 0.5;
     vec2 along = size > 1e-6 ? way / size : vec2(1.0, 0.0), side = vec2(-along.y, along.x);
-    at = vec2(corner.x > 0.0 ? size + pad : -pad, corner.y * pad);
-    vec2 pixel = a + along * at.x + side * at.y;
+    at = vec2(corner().x > 0.0 ? size + pad : -pad, corner().y * pad);
     colour = vec4(tint.rgb, tint.a * min(width, 1.0)); form = vec2(size, pad);
-    gl_Position = vec4(pixel / half_size - 1.0, 0.0, 1.0);
+    gl_Position = clip(a + along * at.x + side * at.y);
   }`, `#version 300 es
-  precision highp float; in vec2 at; in vec4 colour; flat in vec2 form; out vec4 painted;
+  precision highp float; in vec2 at; flat in vec4 colour; flat in vec2 form; out vec4 painted;
   void main() {
     float away = length(vec2(at.x - clamp(at.x, 0.0, form.x), at.y)), cover = clamp(form.y - away, 0.0, 1.0);
     if (cover <= 0.0) discard;
     painted = vec4(colour.rgb, colour.a * cover);
   }`];
-const WATER = [`#version 300 es
-  in vec2 corner; uniform vec3 map; uniform vec2 half_size; uniform vec2 size; out vec2 at;
-  void main() { at = 0.5 * corner + 0.5; gl_Position = vec4((at * size * map.z + map.xy) / half_size - 1.0, 0.0, 1.0); }`, `#version 300 es
+const WATER = [`${shape(6)}
+  uniform vec2 size; out vec2 at;
+  void main() { at = 0.5 * corner() + 0.5; gl_Position = clip(at * size * map.z + map.xy); }`, `#version 300 es
   precision highp float; in vec2 at; uniform sampler2D wet; uniform sampler2D deep; uniform vec2 nodes; uniform vec3 foam; uniform vec2 levels;
   uniform float strength; out vec4 painted;
   void main() {
@@ -153,22 +172,20 @@ class Gl {
     const gl = this.gl = canvas.getContext("webgl2", { alpha: false, antialias: false, powerPreference: "high-performance" });
     if (!gl) throw new Error("no WebGL2");
     this.canvas = canvas;
-    this.quad = gl.createBuffer();
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.quad);
-    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([-1, -1, 1, -1, -1, 1, 1, 1]), gl.STATIC_DRAW);
-    this.disc = this.program(DISC, [["place", 4, gl.FLOAT, false, 16], ["tint", 4, gl.UNSIGNED_BYTE, true, 4]]);
-    this.line = this.program(LINE, [["place", 4, gl.FLOAT, false, 16], ["tint", 4, gl.UNSIGNED_BYTE, true, 4], ["width", 1, gl.FLOAT, false, 4]]);
-    this.wet = this.program(WATER, []);
-    this.textures = [gl.createTexture(), gl.createTexture()];
+    this.disc = this.program(DISC, ["places", "tints"]);
+    this.line = this.program(LINE, ["places", "tints", "widths"]);
+    this.wet = this.program(WATER, ["wet", "deep"]);
+    gl.bindVertexArray(gl.createVertexArray());
     gl.useProgram(this.disc.program);
     gl.uniform1fv(this.disc.at("spoke"), style.spoke);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    this.formats = { 16: [gl.RGBA32F, gl.RGBA, gl.FLOAT, 4], 4: [gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, 4], 5: [gl.R32F, gl.RED, gl.FLOAT, 1] };
   }
 
-  program(sources, columns) {
-    const gl = this.gl, program = gl.createProgram();
+  program(sources, names) {
+    const gl = this.gl, program = gl.createProgram(), known = {};
     sources.forEach((source, k) => {
       const shader = gl.createShader(k ? gl.FRAGMENT_SHADER : gl.VERTEX_SHADER);
       gl.shaderSource(shader, source);
@@ -177,39 +194,36 @@ class Gl {
     });
     gl.linkProgram(program);
     if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program) ?? "no shaders");
-    const array = gl.createVertexArray(), buffers = [], known = {};
-    gl.bindVertexArray(array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.quad);
-    const corner = gl.getAttribLocation(program, "corner");
-    gl.enableVertexAttribArray(corner);
-    gl.vertexAttribPointer(corner, 2, gl.FLOAT, false, 0, 0);
-    for (const [name, size, type, normal] of columns) {
-      const place = gl.getAttribLocation(program, name), buffer = gl.createBuffer();
-      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-      gl.enableVertexAttribArray(place);
-      gl.vertexAttribPointer(place, size, type, normal, 0, 0);
-      gl.vertexAttribDivisor(place, 1);
-      buffers.push(buffer);
-    }
-    return { program, array, buffers, at: name => known[name] ??= gl.getUniformLocation(program, name) };
+    const one = { program, textures: names.map(() => ({ texture: gl.createTexture(), rows: 0 })), at: name => known[name] ??= gl.getUniformLocation(program, name) };
+    gl.useProgram(program);
+    names.forEach((name, k) => gl.uniform1i(one.at(name), k));
+    return one;
   }
 
   use(one, map) {
     const gl = this.gl;
     gl.useProgram(one.program);
-    gl.bindVertexArray(one.array);
     gl.uniform3f(one.at("map"), ...map);
     gl.uniform2f(one.at("half_size"), this.canvas.width / 2, this.canvas.height / 2);
   }
 
-  many(one, map, count, ...columns) {
-    const gl = this.gl;
+  // What is known of `count` shapes, in textures ACROSS wide; columns have room for whole rows of them.
+  many(one, corners, map, count, ...columns) {
+    if (!count) return;
+    const gl = this.gl, rows = Math.ceil(count / ACROSS);
     this.use(one, map);
     columns.forEach((column, k) => {
-      gl.bindBuffer(gl.ARRAY_BUFFER, one.buffers[k]);
-      gl.bufferData(gl.ARRAY_BUFFER, column, gl.STREAM_DRAW);
+      const [format, channels, type, size] = this.formats[k === 2 ? 5 : column.BYTES_PER_ELEMENT * 4], known = one.textures[k];
+      gl.activeTexture(gl.TEXTURE0 + k);
+      gl.bindTexture(gl.TEXTURE_2D, known.texture);
+      if (known.rows < rows) {
+        known.rows = Math.ceil(1.5 * rows);
+        gl.texImage2D(gl.TEXTURE_2D, 0, format, ACROSS, known.rows, 0, channels, type, null);
+        for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
+      }
+      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, ACROSS, rows, channels, type, column.subarray(0, rows * ACROSS * size));
     });
-    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, count);
+    gl.drawArrays(gl.TRIANGLES, 0, corners * count);
   }
 
   clear() {
@@ -219,11 +233,9 @@ class Gl {
     gl.clear(gl.COLOR_BUFFER_BIT);
   }
 
-  discs(map, count, place, tint) { this.many(this.disc, map, count, place.subarray(0, 4 * count), tint.subarray(0, 4 * count)); }
+  discs(map, count, place, tint) { this.many(this.disc, 3, map, count, place, tint); }
 
-  lines(map, count, place, tint, width) {
-    if (count) this.many(this.line, map, count, place.subarray(0, 4 * count), tint.subarray(0, 4 * count), width.subarray(0, count));
-  }
+  lines(map, count, place, tint, width) { this.many(this.line, 6, map, count, place, tint, width); }
 
   water(map, size, water, strength) {
     const gl = this.gl, { columns, rows } = water;
@@ -231,19 +243,17 @@ class Gl {
     const pixels = water.pixels ??= woven(water.level, water.foam, water.shade);
     [[0, columns, rows, pixels], [1, 256, 1, maps.water]].forEach(([unit, wide, high, data]) => {
       gl.activeTexture(gl.TEXTURE0 + unit);
-      gl.bindTexture(gl.TEXTURE_2D, this.textures[unit]);
+      gl.bindTexture(gl.TEXTURE_2D, this.wet.textures[unit].texture);
       gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB, wide, high, 0, gl.RGB, gl.UNSIGNED_BYTE, data);
       gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
       for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
     });
-    gl.uniform1i(this.wet.at("wet"), 0);
-    gl.uniform1i(this.wet.at("deep"), 1);
     gl.uniform2f(this.wet.at("nodes"), columns, rows);
     gl.uniform2f(this.wet.at("size"), ...size);
     gl.uniform2f(this.wet.at("levels"), ...style.levels);
     gl.uniform3f(this.wet.at("foam"), ...FOAM.map(c => c / 255));
     gl.uniform1f(this.wet.at("strength"), strength);
-    gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+    gl.drawArrays(gl.TRIANGLES, 0, 6);
   }
 }
 
@@ -355,6 +365,8 @@ class Picture {
     this.stale = true;
   }
 
+  get ends() { return this.look.cold ? [this.look.cold, this.look.hot] : this.scene.colours; } // of the scale of energy
+
   get scene() { return (this.next ?? this.frame)?.scene; }
 
   // Pixel of the lower left corner of the box, and px/m: x px = map[0] + map[2] * x, y px from below.
@@ -391,7 +403,7 @@ class Picture {
 
   grow(rows) {
     if (rows <= this.room) return;
-    this.room = Math.ceil(1.5 * rows);
+    this.room = ACROSS * Math.ceil(1.5 * rows / ACROSS);
     this.place = new Float32Array(4 * this.room);
     this.tint = new Uint8Array(4 * this.room);
   }
@@ -430,49 +442,44 @@ class Picture {
     if (color === "rotation") return [maps.rotation, frame.angle];
     const values = frame.shades[color];
     if (!values) return null;
-    return [color === "energy" ? blend(...frame.scene.colours) : maps[color], values];
+    return [color === "energy" ? blend(...this.ends) : maps[color], values];
+  }
+
+  tints(n) { // colours of all discs, packed, by their rows; and of those who sleep
+    const { frame, look } = this, { roster } = frame, coloured = this.colours();
+    if (!coloured) {
+      const name = look.chains || look.forces ? "dim" : "own";
+      return roster[name] ??= Uint32Array.from(roster.fixed, (fixed, k) => fixed ? pack(FIXED) : name === "dim" ? pack(DIM) : pack(roster.tone, 3 * k));
+    }
+    const [map, values] = coloured, found = this.tinted = this.tinted?.length >= n ? this.tinted : new Uint32Array(Math.ceil(1.5 * n));
+    const packed = Uint32Array.from({ length: 256 }, (_, k) => pack(map, 3 * k)), fixed = pack(FIXED);
+    for (let k = 0; k < n; k++) found[k] = roster.fixed[k] ? fixed : packed[values[k]];
+    return found;
   }
 
   listDiscs(n) {
-    const { frame, x, y, turn, look } = this, { roster, scene, flags } = frame, coloured = this.colours();
-    const absent = style.bits.absent, asleep = style.bits.asleep, bars = look.bonds && frame.bonds && !look.chains;
-    const spokes = (style.spoked.includes(look.color) || !coloured) && !look.chains && !bars;
-    const alone = roster.alone ??= roster.disc.map((disc, k) => disc === 0 && !(roster.disc[k + 1] > 0));
-    const [wide, high] = scene.size;
+    const { frame, x, y, turn, look } = this, { roster, scene, flags } = frame, tints = this.tints(n), { absent, asleep } = style.bits;
+    const bars = look.bonds && frame.bonds && !look.chains, fades = look.asleep && !look.chains && !look.forces;
+    const spokes = (style.spoked.includes(look.color) || !this.colours()) && !look.chains && !bars ? 0xFF000000 : 0;
+    const alone = roster.alone ??= roster.disc.map((disc, k) => disc === 0 && !(roster.disc[k + 1] > 0) && !roster.fixed[k]);
+    const [wide, high] = scene.size, [around, over] = scene.periodic, radius = roster.radius, shown = style.shown;
+    this.grow((around || over ? 4 : 1) * n);
+    const { place, tint } = this, packed = new Uint32Array(tint.buffer);
     let rows = 0;
-    const copies = scene.periodic[0] || scene.periodic[1] ? 4 : 1;
-    this.grow(copies * n);
-    const { place, tint } = this;
-    const put = (k, px, py) => {
-      const to = 4 * rows++;
-      place[to] = px;
-      place[to + 1] = py;
-      place[to + 2] = roster.radius[k] * style.shown;
-      place[to + 3] = turn[k];
-      let r, g, b;
-      if (roster.fixed[k]) [r, g, b] = FIXED;
-      else if (look.chains) [r, g, b] = DIM;
-      else if (coloured) {
-        const at = 3 * coloured[1][k];
-        r = coloured[0][at]; g = coloured[0][at + 1]; b = coloured[0][at + 2];
-      } else { r = roster.tone[3 * k]; g = roster.tone[3 * k + 1]; b = roster.tone[3 * k + 2]; }
-      if (flags[k] & asleep && look.asleep && !look.chains && !roster.fixed[k]) { // 60 % of its saturation, 80 % of its lightness
-        const grey = (77 * r + 150 * g + 29 * b) / 256;
-        r = 0.8 * (grey + 0.6 * (r - grey)); g = 0.8 * (grey + 0.6 * (g - grey)); b = 0.8 * (grey + 0.6 * (b - grey));
-      }
-      tint[to] = r; tint[to + 1] = g; tint[to + 2] = b;
-      tint[to + 3] = spokes && alone[k] && !roster.fixed[k] ? 255 : 0;
-    };
     for (let k = 0; k < n; k++) {
       if (flags[k] & absent) continue;
-      put(k, x[k], y[k]);
-      if (copies === 1) continue;
-      const r = roster.radius[k];
-      const across = scene.periodic[0] ? x[k] < r ? wide : x[k] > wide - r ? -wide : 0 : 0;
-      const up = scene.periodic[1] ? y[k] < r ? high : y[k] > high - r ? -high : 0 : 0;
-      if (across) put(k, x[k] + across, y[k]);
-      if (up) put(k, x[k], y[k] + up);
-      if (across && up) put(k, x[k] + across, y[k] + up);
+      const r = radius[k], colour = (flags[k] & asleep && fades && !roster.fixed[k] ? sleepy(tints[k]) : tints[k]) | (alone[k] ? spokes : 0);
+      const across = around ? x[k] < r ? wide : x[k] > wide - r ? -wide : 0 : 0, up = over ? y[k] < r ? high : y[k] > high - r ? -high : 0 : 0;
+      for (let copy = 0; copy < 4; copy++) {
+        if ((copy & 1 && !across) || (copy & 2 && !up)) continue;
+        const to = 4 * rows;
+        place[to] = x[k] + (copy & 1 ? across : 0);
+        place[to + 1] = y[k] + (copy & 2 ? up : 0);
+        place[to + 2] = r * shown;
+        place[to + 3] = turn[k];
+        packed[rows++] = colour;
+        if (!across && !up) break;
+      }
     }
     return rows;
   }
@@ -536,6 +543,45 @@ class Picture {
     sides.forEach((side, k) => { if (scene.edges[k]) this.line(...side, width, FIXED); });
   }
 
+  arrow(x, y, dx, dy, scale, colour) { // dx, dy: m
+    const head = 0.28, width = 1.2 * this.ratio, tip_x = x + dx, tip_y = y + dy;
+    this.line(x, y, tip_x, tip_y, width, colour);
+    for (const side of [0.5, -0.5]) this.line(tip_x, tip_y, tip_x - head * dx - side * head * dy, tip_y - head * dy + side * head * dx, width, colour);
+  }
+
+  listVelocities(scale, n) { // their lengths over the 99th percentile of the speed
+    const { frame, next, x, y } = this, { scene, roster, flags } = frame;
+    if (!next || next.time <= frame.time) return;
+    const [low_x, low_y, high_x, high_y] = scene.box, sx = (high_x - low_x) / style.last, sy = (high_y - low_y) / style.last, speeds = new Float32Array(n);
+    for (let k = 0; k < n; k++) speeds[k] = Math.hypot((next.x[k] - frame.x[k]) * sx, (next.y[k] - frame.y[k]) * sy);
+    const top = speeds.slice().sort()[Math.floor(0.99 * (n - 1))] || 1e-30, reach = Math.max(8 * this.ratio / scale, 2 * scene.diameter) / top;
+    for (let k = 0; k < n; k++) {
+      if (speeds[k] < 0.03 * top || speeds[k] > 0.4 * scene.size[0] || roster.fixed[k] || flags[k] & style.bits.absent) continue;
+      const part = Math.min(1, 1.5 * top / speeds[k]) * reach;
+      this.arrow(x[k], y[k], (next.x[k] - frame.x[k]) * sx * part, (next.y[k] - frame.y[k]) * sy * part, scale, VELOCITY);
+    }
+  }
+
+  listForces(scale) { // two arrows a contact, apart from it
+    const { frame, x, y } = this, { chains, roster, scene } = frame;
+    if (!chains) return;
+    const reach = 0.6 * Math.max(8 * this.ratio / scale, 2 * scene.diameter);
+    for (let k = 0; k < chains.first.length; k++) {
+      const i = chains.first[k], j = chains.second[k], way = chains.way[k] * Math.PI / 128, size = reach * (chains.level[k] / 255) ** (1 / 0.7);
+      if (size * scale < this.ratio) continue;
+      const c = j < 0 ? Math.cos(way) : (x[j] - x[i]), s = j < 0 ? Math.sin(way) : (y[j] - y[i]), far = Math.hypot(c, s) || 1, r = roster.radius[i];
+      if (j >= 0 && far > 2 * (r + roster.radius[j])) continue; // over a periodic edge
+      const px = x[i] + r * c / far, py = y[i] + r * s / far;
+      for (const sign of [1, -1]) this.arrow(px, py, sign * size * c / far, sign * size * s / far, scale, FORCE);
+    }
+  }
+
+  listGrid([columns, rows]) {
+    const [wide, high] = this.scene.size;
+    for (let k = 0; k <= columns; k++) this.line(k * wide / columns, 0, k * wide / columns, high, 1, GRID);
+    for (let k = 0; k <= rows; k++) this.line(0, k * high / rows, wide, k * high / rows, 1, GRID);
+  }
+
   draw() {
     if (!this.stale || !this.frame) return false;
     this.stale = false;
@@ -547,6 +593,9 @@ class Picture {
     this.lineCount = 0;
     if (look.chains) this.listChains(map[2]);
     else if (look.bonds && frame.bonds) this.listBonds(map[2]);
+    if (frame.grid) this.listGrid(frame.grid);
+    if (look.velocities) this.listVelocities(map[2], n);
+    if (look.forces) this.listForces(map[2]);
     this.listWalls(map[2]);
     for (const line of this.extra) this.line(...line);
     paint.lines(map, this.lineCount, this.linePlace, this.lineTint, this.lineWidth);
@@ -586,7 +635,7 @@ class Picture {
     const name = look.chains ? "chains" : look.color, top = look.chains ? frame.chains?.top : name === "rotation" ? 1 : frame.tops[name], legend = $("legend");
     legend.hidden = top === undefined || name === "kind";
     if (!legend.hidden) {
-      const map = name === "energy" ? blend(...scene.colours) : maps[name], stops = Array.from({ length: 17 }, (_, k) => 3 * Math.round(255 * k / 16));
+      const map = name === "energy" ? blend(...this.ends) : maps[name], stops = Array.from({ length: 17 }, (_, k) => 3 * Math.round(255 * k / 16));
       legend.children[0].textContent = look.chains ? "contact force" : name;
       legend.children[2].style.background = `linear-gradient(to right, ${stops.map(k => `rgb(${map[k]},${map[k + 1]},${map[k + 2]})`).join()})`;
       legend.children[3].textContent = `${number(top)} ${style.units[name] ?? ""}`.trimEnd();
@@ -659,6 +708,9 @@ class Hand {
   }
 }
 
+// After a click keys are for the picture again; those who go by keyboard keep their place.
+addEventListener("click", event => { if (event.detail && event.target.closest?.("button, select, input[type=range]")) document.activeElement?.blur(); });
+
 function tip(picture, event) {
   const box = $("tip"), k = event && picture.frame ? picture.under(picture.point(event)) : -1;
   box.hidden = k < 0;
@@ -671,25 +723,17 @@ function tip(picture, event) {
 
 const toggle = (text, on, act, extra = {}) => make("button", { type: "button", ariaPressed: String(on), onclick: act, ...extra }, text);
 
-function plot(canvas, x, y, at, label) {
+function plot(canvas, x, y, label) {
   const ratio = devicePixelRatio || 1, pen = canvas.getContext("2d"), { clientWidth: wide, clientHeight: high } = canvas;
   canvas.width = wide * ratio;
   canvas.height = high * ratio;
   pen.scale(ratio, ratio);
   const low = Math.min(0, ...y), top = Math.max(...y, low + 1e-30), left = x[0], span = x[x.length - 1] - left || 1;
-  const px = v => (v - left) / span * (wide - 8) + 4, py = v => high - 6 - (v - low) / (top - low) * (high - 24);
   pen.strokeStyle = "#F2A65A";
   pen.lineWidth = 1.3;
   pen.beginPath();
-  y.forEach((v, k) => pen.lineTo(px(x[k]), py(v)));
+  y.forEach((v, k) => pen.lineTo((x[k] - left) / span * wide, high - 6 - (v - low) / (top - low) * (high - 24)));
   pen.stroke();
-  if (at !== null) {
-    pen.strokeStyle = "#9AA3AD80";
-    pen.beginPath();
-    pen.moveTo(px(at), 0);
-    pen.lineTo(px(at), high);
-    pen.stroke();
-  }
   pen.fillStyle = "#9AA3AD";
   pen.font = `${0.8 * parseFloat(getComputedStyle(document.documentElement).fontSize)}px sans-serif`;
   pen.fillText(label, 6, 13);
@@ -709,7 +753,7 @@ function inflate(element) {
 class Film {
   constructor() {
     const tail = json("tail");
-    Object.assign(this, { tail, groups: [...document.getElementsByClassName("group")], spans: tail.groups, kept: new Map(), rosters: [], playing: false, speed: 1 });
+    Object.assign(this, { tail, shown: 0, groups: [...document.getElementsByClassName("group")], spans: tail.groups, kept: new Map(), rosters: [], playing: false, speed: 1 });
     this.at = this.from = this.spans[0][0];
     this.to = this.spans[this.spans.length - 1][1];
     this.picture = new Picture($("canvas"));
@@ -809,15 +853,17 @@ class Film {
     this.press_views = () => [...row.children].forEach((button, k) => button.setAttribute("aria-pressed", String(names[k] === (look.chains ? "chains" : look.color))));
     this.names = names;
     this.press_views();
-    this.numbers = make("div");
-    this.plots = PLOTS.filter(([key]) => this.tail.series[key]).map(([key, label]) => [make("canvas", { className: "plot", role: "img", ariaLabel: `${label} over time` }), this.tail.series[key], label]);
+    this.numbers = Object.keys(this.tail.series).filter(name => name !== "at").map(name => [name, make("span")]);
+    const numbers = this.numbers.map(([name, place]) => make("div", { className: "pair" }, make("span", {}, name), place));
+    this.plots = PLOTS.filter(([key]) => this.tail.series[key]).map(([key, label]) => [make("div", { className: "plot" }, make("canvas", { role: "img", ariaLabel: `${label} over time` }), make("i")), this.tail.series[key], label]);
     const report = Object.entries(this.tail.report).filter(([, value]) => typeof value !== "object" || Array.isArray(value));
     const text = value => Array.isArray(value) ? value.map(text).join(", ") || "–" : typeof value === "number" ? number(value) : String(value ?? "–");
-    panel.append(make("h2", {}, "view"), row, make("h2", {}, "numbers"), this.numbers, ...this.plots.map(([canvas]) => canvas),
+    panel.append(make("h2", {}, "view"), row, make("h2", {}, "numbers"), ...numbers, ...this.plots.map(([box]) => box),
       ...(head.scene.about ? [make("h2", {}, "about"), make("p", { className: "note" }, head.scene.about)] : []),
       make("details", {}, make("summary", {}, "report of the end"), make("table", {}, make("tbody", {}, ...report.map(([key, value]) => make("tr", {}, make("td", {}, key), make("td", {}, text(value))))))),
       make("p", { className: "note" }, "space plays, ← → a frame, v colours, c force chains, wheel or two fingers zoom, Home the whole. A link that ends in #t=2.5 opens at that time."));
-    for (const [canvas, , label] of this.plots) canvas.onclick = event => { this.seek(this.from + event.offsetX / canvas.clientWidth * (this.to - this.from)); this.note(); void label; };
+    for (const [box] of this.plots) box.onclick = event => { this.seek(this.from + event.offsetX / box.clientWidth * (this.to - this.from)); this.note(); };
+    new ResizeObserver(() => this.plot()).observe(panel);
   }
 
   key(event) {
@@ -845,20 +891,309 @@ class Film {
       this.show();
     }
     const drawn = this.picture.draw();
-    if (!this.picture.frame || !(drawn || this.fresh)) return;
+    if (!this.picture.frame || !(drawn || this.fresh) || (this.playing && time - this.shown < 100)) return; // text changes ten times a second
     this.fresh = false;
+    this.shown = time;
     this.picture.labels();
     if (document.activeElement !== this.slider || this.playing) this.slider.value = this.at;
     this.clock.textContent = `${this.at.toFixed(2)} / ${this.to.toFixed(2)} s`;
     tip(this.picture, this.pointed);
-    if (!this.shown || time - this.shown > 100 || !this.playing) {
-      this.shown = time;
-      const series = this.tail.series, k = this.number;
-      const rows = Object.keys(series).filter(name => !["at"].includes(name)).map(name => make("div", { className: "pair" }, make("span", {}, name), make("span", {}, number(series[name][k]))));
-      this.numbers.replaceChildren(...rows);
-      for (const [canvas, values, label] of this.plots) plot(canvas, series.at, values, this.at, label);
-    }
+    for (const [name, place] of this.numbers) place.textContent = number(this.tail.series[name][this.number]);
+    const share = (this.at - this.from) / (this.to - this.from || 1);
+    for (const [box] of this.plots) box.lastChild.style.left = `${100 * share}%`;
+  }
+
+  plot() {
+    for (const [box, values, label] of this.plots) plot(box.firstChild, this.tail.series.at, values, label);
   }
 }
 
-if (head.kind === "film") window.sand = new Film();
+
+// A session that a server sends
+
+const TRY_AGAIN = 1000, PART = 2 ** 17, HISTORY = 240;
+
+class Live {
+  constructor() {
+    Object.assign(this, { state: null, table: null, gap: 16, arrived: 0, place: null, role: "", history: [], stroke: false });
+    this.picture = new Picture($("canvas"));
+    this.picture.look.color = "kind";
+    this.hand = new Hand(this.picture, this);
+    $("bar").hidden = true;
+    $("panel").append(make("p", { className: "note" }, "connecting …"));
+    this.bars();
+    addEventListener("keydown", event => this.key(event));
+    this.connect();
+    requestAnimationFrame(() => this.tick());
+  }
+
+  connect() {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const socket = this.socket = new WebSocket(`${scheme}://${location.host}/socket${location.search}`);
+    socket.binaryType = "arraybuffer";
+    socket.onmessage = event => { this.take(event.data); this.say("ack"); };
+    socket.onclose = () => {
+      this.said("the connection is lost; trying again …");
+      this.role = "";
+      setTimeout(() => this.connect(), TRY_AGAIN);
+    };
+    socket.onopen = () => this.said("");
+  }
+
+  say(...words) { if (this.socket.readyState === 1) this.socket.send(JSON.stringify(words)); }
+  do(...action) { this.say("do", action); }
+  said(text) { if ($("said").textContent !== text) $("said").textContent = text; }
+
+  take(data) {
+    if (typeof data === "string") {
+      const told = JSON.parse(data);
+      if (told.role) { this.role = told.role; this.marks(); }
+      if (told.scenes) this.bundled = told.scenes;
+      if (told.panel) { this.table = told.panel; this.build(); }
+      if (told.wait) this.said(told.wait);
+      if (told.state) this.update(told.state);
+      return;
+    }
+    const [about, planes] = unpack(data);
+    if (about.kind === "roster") { this.roster = rosterOf(planes); this.number = about.roster; }
+    if (about.kind === "file") {
+      const link = make("a", { href: URL.createObjectURL(new Blob([planes.data])), download: about.name });
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+    }
+    if (about.kind === "frame" && about.roster === this.number) this.frame(about, planes);
+  }
+
+  frame(about, planes) {
+    const now = performance.now(), picture = this.picture, n = planes.x.length;
+    const shades = Object.keys(planes).filter(name => name.startsWith("shade ")).map(name => [name.slice(6), planes[name]]);
+    const chains = planes["chain first"] && { first: planes["chain first"], second: planes["chain second"], level: planes["chain level"], way: planes["chain way"], top: about.tops.chains };
+    const water = about.water && { columns: about.water[0], rows: about.water[1], level: planes["water level"], foam: planes["water foam"], shade: planes["water shade"] };
+    const frame = {
+      ...about, roster: this.roster, x: planes.x, y: planes.y, angle: planes.angle, flags: planes.flags ?? (this.none?.length === n ? this.none : this.none = new Uint8Array(n)),
+      walls: planes.walls, bonds: planes.bonds ?? null, chains: chains ?? null, water: water ?? null, shades: Object.fromEntries(shades),
+    };
+    if (this.arrived) this.gap += 0.2 * (Math.min(100, now - this.arrived) - this.gap);
+    this.arrived = now;
+    const last = this.newest;
+    this.newest = frame;
+    // From the frame before to this one, over the time in which the next one is due; at once where time went back, or another scene came.
+    const follows = last && last.roster === frame.roster && frame.time >= last.time && last.scene.title === frame.scene.title;
+    Object.assign(picture.look, about.look);
+    if (follows) picture.show(last, frame, 0); else picture.show(frame);
+    this.fresh = true;
+  }
+
+  tick() {
+    requestAnimationFrame(() => this.tick());
+    const picture = this.picture;
+    if (!picture.frame) return;
+    if (this.place && this.stroke) { this.say("move", ...this.place); this.place = null; }
+    if (picture.next) {
+      const share = Math.min(1, (performance.now() - this.arrived) / Math.max(8, this.gap));
+      if (share !== picture.share) { picture.share = share; picture.stale = true; }
+    }
+    picture.extra = this.cursor();
+    if (picture.draw()) { picture.labels(); this.frames = (this.frames ?? 0) + 1; }
+    if (this.fresh && !this.stroke) { this.fresh = false; if (this.pointed && this.inspect) tip(picture, this.pointed); }
+  }
+
+  cursor() { // the brush, the wall that is being drawn, the string of what is held
+    const { picture, state, newest } = this, lines = [];
+    if (!state || !this.pointed) return lines;
+    const [x, y] = picture.point(this.pointed), colour = this.stroke ? ACCENT : [154, 163, 173], rim = [];
+    const ring = (r, tint, width) => {
+      for (let k = 0; k < 48; k++) {
+        const [a, b] = [k, k + 1].map(step => step * Math.PI / 24);
+        rim.push([x + r * Math.cos(a), y + r * Math.sin(a), x + r * Math.cos(b), y + r * Math.sin(b), width * picture.ratio, tint]);
+      }
+    };
+    ring(state.size, GROUND, 3.4);
+    ring(state.size, colour, 1.4);
+    const path = [...(this.stroke && newest?.path || []), [x, y]];
+    for (let k = 1; k < path.length; k++) lines.push([...path[k - 1], ...path[k], 2 * picture.ratio, ACCENT]);
+    if (this.stroke && newest?.held != null) {
+      const k = newest.roster.grain.indexOf(newest.held);
+      if (k >= 0 && picture.x) lines.push([picture.x[k], picture.y[k], x, y, 1.4 * picture.ratio, TEXT]);
+    }
+    return [...rim, ...lines];
+  }
+
+  // the hand
+
+  press(place, other) { this.stroke = true; this.say("press", ...place, other); }
+  release(place) { this.stroke = false; this.say("release", ...place); }
+  cancel() { this.stroke = false; this.say("cancel"); }
+  size(notches) { this.say("grow", notches); }
+
+  hover(event, drawing) {
+    this.pointed = event;
+    if (event && drawing) this.place = this.picture.point(event);
+    this.picture.stale = true;
+    if (this.inspect && !drawing) tip(this.picture, event); else $("tip").hidden = true;
+  }
+
+  key(event) {
+    if (!this.table || event.ctrlKey || event.metaKey || event.altKey || event.target.matches?.("input:not([type=range]), select, textarea")) return;
+    const name = event.key;
+    if (name === "Home") { this.picture.home(); event.preventDefault(); return; }
+    if (name === "h") { this.help(); return; }
+    if (name === "q") { this.inspect = !this.inspect; return; }
+    if (name === " " && event.target.matches?.("button, summary")) return;
+    if (name === "Escape" || !this.table.keys.some(key => key[0] === name)) return;
+    event.preventDefault();
+    this.say("key", name);
+  }
+
+  // what stands beside the picture
+
+  bars() {
+    this.dialog = make("dialog", { ariaLabel: "keys" });
+    this.dialog.onclick = event => { if (event.target === this.dialog) this.dialog.close(); };
+    this.picker = make("input", { type: "file", accept: ".npz,.toml", hidden: true, onchange: () => this.upload() });
+    document.body.append(this.dialog, this.picker);
+  }
+
+  async upload() {
+    const [file] = this.picker.files;
+    if (!file) return;
+    this.say("upload", file.name.slice(0, 200), file.size);
+    const data = await file.arrayBuffer();
+    for (let at = 0; at < data.byteLength; at += PART) this.socket.send(data.slice(at, at + PART));
+    this.picker.value = "";
+  }
+
+  help() {
+    if (this.dialog.open) { this.dialog.close(); return; }
+    const rows = [...this.table.keys, ["Home", "Home", "the whole picture; wheel or two fingers zoom, the middle button pans, shift and wheel size the brush", "views"], ["q", "q", "numbers of the grain under the pointer", "views"]];
+    this.dialog.replaceChildren(make("h2", {}, "Keys"), make("table", {}, make("tbody", {}, ...rows.map(([, name, text]) => make("tr", {}, make("td", {}, name), make("td", { style: "text-align:left" }, text))))));
+    this.dialog.showModal();
+  }
+
+  scenes() {
+    const buttons = (this.bundled ?? []).map(([name, title, about, picture]) => make("button", { type: "button", onclick: () => { this.dialog.close(); this.say("scene", name); } },
+      picture ? make("img", { src: picture, alt: "", loading: "lazy" }) : "", make("b", {}, title), make("small", {}, about)));
+    this.dialog.replaceChildren(make("h2", {}, "Scenes"), make("div", { id: "scenes" }, ...buttons));
+    this.dialog.showModal();
+  }
+
+  build() {
+    const { table } = this, panel = $("panel"), top = panel.scrollTop;
+    const press = (text, act, title = "") => make("button", { type: "button", onclick: act, title }, text);
+    const row = (label, ...buttons) => make("div", { className: "row", role: "group", ariaLabel: label }, ...buttons);
+    const keyOf = Object.fromEntries(table.keys.map(key => [key[0], key]));
+    const keyed = (key, text) => press(text, () => this.say("key", key), `${keyOf[key][2]} (${keyOf[key][1]})`);
+    this.on = []; // [button, whether it is pressed, by state]
+    const choice = (text, act, pressed, title = "", key = "") => {
+      const button = press("", act, title);
+      if (key) button.append(make("kbd", {}, key));
+      button.append(text);
+      this.on.push([button, pressed]);
+      return button;
+    };
+    this.sliders = new Map();
+    const slider = knob => {
+      const value = make("button", { type: "button", title: "type a value", style: "padding:0 .2rem;min-height:0;background:none;color:var(--dim)", onclick: () => this.type(knob) });
+      const input = make("input", { type: "range", min: 0, max: 1, step: "any", ariaLabel: `${knob.label} ${knob.unit}`, title: knob.help,
+        onpointerdown: () => this.say("take", knob.key), onkeydown: event => { if (event.key.startsWith("Arrow")) this.say("take", knob.key); },
+        oninput: () => this.say("slide", knob.key, Number(input.value)) });
+      this.sliders.set(knob.key, { input, value });
+      return make("div", {}, make("div", { className: "pair", title: knob.help }, make("span", {}, knob.label), value), input);
+    };
+    const of = group => table.knobs.filter(knob => knob.group === group).map(slider);
+    const tools = table.tools.map(tool => choice(tool.name, () => this.do("choose", tool.name), state => state.tool === tool.name, tool.help, tool.key));
+    this.toolHelp = make("p", { className: "note" });
+    this.toolSliders = of("tools");
+    const kinds = table.scene.kinds;
+    this.kind = make("button", { type: "button", title: "next kind of grain for create and pour (t)", onclick: () => this.say("key", "t") });
+    this.accuracy = make("div");
+    this.lines = make("div", { className: "note" });
+    this.pause = keyed(" ", "pause");
+    this.undo = keyed("z", "undo");
+    this.redo = keyed("y", "redo");
+    this.film = keyed("f", "film");
+    this.record = press("record", () => this.say("record"), "everything that is done, for `taichi-sand render` to do again");
+    this.swatches = make("div", {}, ...Object.entries(table.swatches).map(([end, colours]) => row(end, end, ...colours.map(colour => {
+      const button = choice("", () => this.do("look", end, colour), state => state.look[end] === colour, `${end} ${colour}`);
+      button.append(make("i", { style: `display:inline-block;width:1.2rem;height:1rem;background:${colour};border-radius:.2rem` }));
+      button.ariaLabel = `${end} ${colour}`;
+      return button;
+    }))));
+    const views = table.scene.views.map(name => choice(name, () => this.do("look", "color", name), state => state.look.color === name));
+    const switches = table.switches.map(([name, text]) => choice(text, () => this.do("look", name, !this.state.look[name]), state => state.look[name]));
+    const effects = table.effects.map(name => choice(name, () => this.do("effect", name, !this.state.effects.includes(name)), state => state.effects.includes(name)));
+    this.effectSliders = table.knobs.filter(knob => !["accuracy", "world", "tools"].includes(knob.group)).map(slider);
+    this.plots = PLOTS.map(([key, label]) => [make("canvas", { role: "img", ariaLabel: `${label} over time` }), key, label]);
+    panel.replaceChildren(
+      row("time", this.pause, keyed(",", "▸|"), keyed("-", "slower"), keyed("=", "faster"), keyed("r", "reset"), this.undo, this.redo, press("scenes", () => this.scenes()), press("keys", () => this.help())),
+      make("h2", {}, "tools"), row("tools", ...tools), this.toolHelp, kinds.length > 1 ? row("kind", this.kind) : "", ...this.toolSliders,
+      make("h2", {}, "view"), row("views", ...views), make("div", { style: "height:.3rem" }), row("parts", ...switches, choice("inspect", () => { this.inspect = !this.inspect; this.marks(); }, () => Boolean(this.inspect), "numbers of the grain under the pointer (q)")), this.swatches,
+      make("h2", {}, "accuracy"), row("solver", ...["rigid", "md"].map(kind => choice(kind, () => this.do("solver", kind), state => state.solver === kind))), ...of("accuracy"), this.accuracy,
+      make("h2", {}, "world"), ...of("world"), row("ranges", choice("unphysical ranges", () => this.say("key", "u"), state => state.opened, keyOf.u[2])),
+      make("h2", {}, "effects"), row("effects", ...effects), make("div", { style: "height:.3rem" }), ...this.effectSliders,
+      make("h2", {}, "over time"), ...this.plots.map(([canvas]) => make("div", { className: "plot" }, canvas)),
+      make("h2", {}, "files"), row("files", keyed("s", "save"), press("load", () => this.picker.click(), "a checkpoint or a scene file"), keyed("l", "quick load"), keyed("p", "picture"), this.film, this.record, press("scene file", () => this.say("scene_file"))),
+      this.lines, table.scene.about ? make("p", { className: "note" }, table.scene.about) : "");
+    panel.scrollTop = top;
+    if (this.state) this.update(this.state);
+  }
+
+  type(knob) {
+    const old = this.state.values[knob.key][3], given = prompt(`${knob.label} [${knob.unit || "1"}]: ${knob.help}`, String(Number(old.toPrecision(6))));
+    const value = Number((given ?? "").replace(",", "."));
+    if (given?.trim() && Number.isFinite(value)) this.say("value", knob.key, value);
+  }
+
+  update(state) {
+    this.state = state;
+    this.said(state.said || "");
+    if (!this.table || !this.sliders) return;
+    this.picture.stale = true;
+    for (const [key, { input, value }] of this.sliders) {
+      const now = state.values[key];
+      if (!now) continue;
+      if (!(document.activeElement === input && input.matches(":active"))) input.value = now[0];
+      value.textContent = now[1];
+      value.classList.toggle("wrong", now[2]);
+    }
+    const tool = this.table.tools.find(one => one.name === state.tool);
+    this.toolHelp.textContent = tool.help;
+    const shown = this.table.knobs.filter(knob => knob.group === "tools");
+    this.toolSliders.forEach((slider, k) => { slider.hidden = !tool.uses.includes(shown[k].key); });
+    const others = this.table.knobs.filter(knob => !["accuracy", "world", "tools"].includes(knob.group));
+    this.effectSliders.forEach((slider, k) => { slider.hidden = !state.effects.includes(others[k].group); });
+    this.kind.textContent = `kind ${state.kind + 1} of ${this.table.scene.kinds.length}: ${this.table.scene.kinds[state.kind] ?? ""}`;
+    this.swatches.hidden = state.look.color !== "energy";
+    this.pause.textContent = state.paused ? "go on" : "pause";
+    this.undo.disabled = !state.undo;
+    this.redo.disabled = !state.redo;
+    this.film.textContent = state.filming ? "end film" : "film";
+    this.record.textContent = state.recording ? "end recording" : "record";
+    this.accuracy.replaceChildren(...state.accuracy.map(([label, value, tone]) => make("div", { className: "pair" }, make("span", {}, label), make("span", { className: tone }, value))));
+    this.lines.replaceChildren(...(state.look.hud ? state.lines : []).map(([text, tone]) => make("div", { className: tone }, text)));
+    this.marks();
+    const { series } = state, last = this.history[this.history.length - 1];
+    if (last && series.time < last.time) this.history = [];
+    if (series.time !== null && (!last || series.time !== last.time)) {
+      this.history.push(series);
+      if (this.history.length > HISTORY) this.history.shift();
+    }
+    if (this.history.length > 1) for (const [canvas, key, label] of this.plots) plot(canvas, this.history.map(one => one.time), this.history.map(one => one[key]), `${label} ${number(series[key])}`);
+  }
+
+  marks() {
+    const { state, role } = this;
+    if (!state || !this.on) return;
+    for (const [button, pressed] of this.on) button.setAttribute("aria-pressed", String(Boolean(pressed(state))));
+    const badges = [];
+    if (state.unphysical.length) badges.push(make("span", { className: "wrong" }, `UNPHYSICAL: ${state.unphysical.join(", ")}`));
+    if (state.paused) badges.push(make("span", {}, "paused"));
+    if (state.filming) badges.push(make("span", {}, "● filming"));
+    if (state.recording) badges.push(make("span", {}, "● recording"));
+    if (role === "watch") badges.push(make("span", {}, "watching: somebody else plays"));
+    const text = badges.map(badge => badge.textContent).join("|");
+    if (text !== this.badged) { this.badged = text; $("badges").replaceChildren(...badges); }
+  }
+}
+
+window.sand = head.kind === "film" ? new Film() : new Live();

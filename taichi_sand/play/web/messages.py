@@ -1,0 +1,39 @@
+"""What a page may say: lists [verb, arguments…], as the actions of a session are."""
+
+from typing import Any
+
+from taichi_sand.play.actions import FARTHEST, NUMBER, is_action
+
+MESSAGES: dict[str, tuple] = {
+    **dict.fromkeys(("cancel", "scene_file", "record"), ()),
+    **dict.fromkeys(("press",), (NUMBER, NUMBER, bool)),
+    **dict.fromkeys(("move", "release"), (NUMBER, NUMBER)),
+    **dict.fromkeys(("key", "take", "scene"), (str,)),
+    "slide": (str, NUMBER),
+    "value": (str, NUMBER),
+    "grow": (int,),
+    "upload": (str, int),
+}
+"""Verbs, and the kinds of their arguments: strokes of the hand [m], keys by their names, sliders by their keys and places 0 … 1."""
+DONE = ("solver", "effect", "look", "choose")
+"""Actions of the session that a page asks for as they are: ["do", [verb, arguments…]]."""
+LONGEST = 200
+"""Letters of a text."""
+
+
+def is_message(said: Any) -> bool:
+    """Whether something is a message."""
+    if not isinstance(said, list) or not said or not isinstance(said[0], str):
+        return False
+    verb, *given = said
+    if verb == "do":
+        return len(given) == 1 and is_action(given[0]) and given[0][0] in DONE
+    kinds = MESSAGES.get(verb)
+    return kinds is not None and len(kinds) == len(given) and all(map(fits, kinds, given))
+
+
+def fits(kind: Any, value: Any) -> bool:
+    """Whether an argument is of its kind, and of a size that can be meant."""
+    if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+        return False
+    return len(value) <= LONGEST if kind is str else kind is bool or abs(value) <= FARTHEST
