@@ -483,5 +483,5 @@ def test_no_display(tmp_path: Path) -> None:
         capture_output=True, text=True, check=False, env=environment,
     )  # fmt: skip
     assert done.returncode == 2
-    assert "render" in done.stderr and len(done.stderr.splitlines()) == 1
+    assert "render" in done.stderr and "play --web" in done.stderr and len(done.stderr.splitlines()) == 1
     assert not (tmp_path / "new").exists()

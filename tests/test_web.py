@@ -1,6 +1,9 @@
 """The session in a browser: what the page does is done to the session, and nobody who misbehaves is noticed."""
 
+import base64
+import io
 import json
+import math
 import os
 import re
 import signal
@@ -17,11 +20,17 @@ from urllib.request import Request, urlopen
 
 import pytest
 from browser import browser, opened, until
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
 
 import taichi_sand as sand
 from taichi_sand.play import recording
 from taichi_sand.play.tools import TOOLS
-from taichi_sand.play.web.messages import is_message
+from taichi_sand.play.web import described
+from taichi_sand.play.web.messages import MESSAGES, is_message
+from taichi_sand.play.web.server import Server
+from taichi_sand.scene import loading
 
 client = pytest.importorskip("websockets.sync.client", reason="plays in a browser need the library websockets")
 
@@ -288,6 +297,46 @@ def test_only_messages_are_messages() -> None:
         None,
     ):
         assert not is_message(wrong)
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8) | st.sampled_from([*MESSAGES, "do"]),
+    lambda inner: st.lists(inner, max_size=6) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
+)
+
+
+@given(JSON)
+def test_what_is_taken_for_a_message_is_a_list_of_known_words_and_finite_numbers(said: Any) -> None:
+    """Whatever JSON comes, it is a message or not, and nothing goes wrong."""
+    if is_message(said):
+        verb, *given = said
+        assert verb == "do" or len(given) == len(MESSAGES[verb])
+        assert all(math.isfinite(value) for value in given if isinstance(value, float))
+
+
+def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "websockets.asyncio.server", None)
+    with pytest.raises(sand.SandError, match=r"pip install 'taichi-sand\[web\]'"):
+        Server(b"", "127.0.0.1", 0)
+
+
+def test_an_address_that_cannot_be_had_is_told() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(sand.SandError, match=rf"--port {port}: cannot be served: .*in use"):
+            Server(b"", "127.0.0.1", port)
+
+
+def test_small_pictures_are_of_scenes() -> None:
+    """Those that the page lists; `python docs/thumbnails.py` makes them of renders/."""
+    listed = {name: picture for name, _, _, picture in described.scenes()}
+    assert set(listed) == set(loading.bundled())
+    shown = {name: data.partition(",")[2] for name, data in listed.items() if data}
+    files = (Path(sand.__file__).parent / "view" / "page" / "scenes").glob("*.webp")
+    assert len(shown) >= 30 and {path.stem for path in files} == set(shown)
+    for name, data in shown.items():
+        with Image.open(io.BytesIO(base64.b64decode(data))) as picture:
+            assert picture.size == (168, 112), name
 
 
 def test_played_in_a_browser_and_done_again(chromium: Any, tmp_path: Path) -> None:
