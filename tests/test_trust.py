@@ -39,7 +39,9 @@ SCENES: dict[str, dict[str, Any]] = {
         "walls": [
             {"points": [[0.1, 0.1], [0.2, 0.1]], "spin": 1.0},
             {"points": [[0.3, 0.1], [0.4, 0.1]], "friction": 0.3},
+            {"points": [[0.3, 0.2], [0.4, 0.2]], "material": "steel"},
         ],
+        "materials": [{"name": "steel", "friction": 0.2}],
         "sources": [{"radius": 0.01, "rate": 30.0, "region": [0.1, 0.3, 0.4, 0.4]}],
         "sinks": [{"region": [0.0, 0.0, 0.1, 0.1]}],
         "effects": {"friction": {}, "sleeping": {}},

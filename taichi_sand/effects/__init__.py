@@ -162,7 +162,7 @@ def bed(tables: Mapping[str, Any], world: Any) -> dict[str, Any]:
         "pull": sum(effect.pull(values) for effect, values in found),
         "push": sum(effect.push(values, world) for effect, values in found),
         "steady": max((effect.steady(values, world) for effect, values in found), default=0.0),
-        "rough": any(effect.resists(values) for effect, values in found),
+        "rough": any(effect.resists(values) for effect, values in found) or (world.mixed and "friction" in tables),
     }
 
 

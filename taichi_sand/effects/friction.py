@@ -13,6 +13,7 @@ import taichi as ti
 
 from taichi_sand.effects.base import Effect
 from taichi_sand.scene.parameters import Parameter
+from taichi_sand.world.extras.materials import friction_of
 from taichi_sand.world.geometry import within
 
 SPRING = 2.0 / 7.0
@@ -60,8 +61,8 @@ class Friction(Effect):
 
     @ti.func
     def _coefficient(self, w: ti.template(), c: ti.template(), p, wall: ti.template()):
-        """mu of pair p: that of the wall, if it names one."""
-        mu = c.friction_mu
+        """mu of pair p: that of the wall, if it names one; of its materials, if there are any."""
+        mu = friction_of(w, p, c.friction_mu, wall)
         if ti.static(wall and w.walls.rough):
             own = w.walls.friction[w.pairs.second[p]]
             mu = ti.select(own < 0.0, mu, own)

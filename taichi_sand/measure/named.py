@@ -71,6 +71,21 @@ def spread(sim: Any) -> float:
     return float(np.subtract(*np.percentile(x, [99, 1]))) if len(x) else math.nan
 
 
-MEASURES: dict[str, Callable[[Any], float]] = {"repose_angle": repose_angle, "spread": spread}
+def core(sim: Any) -> float:
+    """Mean distance from the middle of the bed of the smaller half of the free grains, over that of the larger half: 1 if they are mixed,
+    less if small ones are in the core; NaN without two sizes.
+    """
+    from taichi_sand.world import edit
+
+    places, whole = edit.places(sim.world)
+    place, radius = places[whole[:, 2] == 0, :2], places[whole[:, 2] == 0, 2]
+    if not len(radius) or radius.min() == radius.max():
+        return math.nan
+    away = np.hypot(*(place - np.average(place, axis=0, weights=radius**2)).T)
+    large = radius > (radius.min() + radius.max()) / 2
+    return float(away[~large].mean() / away[large].mean())
+
+
+MEASURES: dict[str, Callable[[Any], float]] = {"repose_angle": repose_angle, "spread": spread, "core": core}
 """Measurements, each a function of a Simulation."""
-UNITS = {"repose_angle": "degrees", "spread": "m"}
+UNITS = {"repose_angle": "degrees", "spread": "m", "core": ""}

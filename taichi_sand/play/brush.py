@@ -7,6 +7,7 @@ import numpy as np
 from taichi_sand.play.knobs import Knob
 from taichi_sand.run.simulation import Simulation
 from taichi_sand.scene.shapes import BUILT_IN, form
+from taichi_sand.scene.sizes import limits
 from taichi_sand.world import edit
 
 DENSITY = 2650.0
@@ -39,7 +40,7 @@ class Brush:
         radii = _radii(sim)
         reach = sim.scene.form_of(tables[self.kind]).reach if tables else 1.0
         if tables and tables[self.kind].radius:
-            radii = tuple(reach * radius for radius in tables[self.kind].radius)
+            radii = tuple(reach * radius for radius in limits(tables[self.kind].radius))
         elif tables and tables[self.kind].positions:
             own = [reach * row[2] for row in tables[self.kind].positions if len(row) > 2]
             radii = (min(own), max(own)) if own else radii

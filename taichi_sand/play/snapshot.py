@@ -93,6 +93,7 @@ def restore(sim: Simulation, snapshot: Snapshot) -> None:
         belief.check(sim, snapshot.host, tables, {name: stored[name] for name in tables})
     checkpoint.restore(fields, stored)
     snapshot.host.give(sim)
+    sim.mix()
 
 
 def used_rows(sim: Simulation) -> Callable[[str, np.ndarray], Spans]:

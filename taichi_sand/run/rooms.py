@@ -5,6 +5,7 @@ from collections.abc import Mapping
 
 from taichi_sand.scene.packing import most_grains
 from taichi_sand.scene.schema import MOST_GRAINS, Scene
+from taichi_sand.scene.sizes import limits
 from taichi_sand.world.search.growth import Rooms
 from taichi_sand.world.search.large_grains import MOST_BOULDERS
 from taichi_sand.world.sources import room_for
@@ -46,7 +47,7 @@ def misfit(scene: Scene, room: object, grown: Rooms, shapes: Mapping[str, tuple[
         return f"room for {room} grains more is announced, in a table of {rows}"
     if rows != grown.grains or room_for(scene) > rows:
         return f"{rows} grains are announced, in tables that have room for {grown.grains}"
-    radii = [radius for table in (*scene.grains, *scene.sources) for radius in table.radius or ()]
+    radii = [radius for table in (*scene.grains, *scene.sources) for radius in (limits(table.radius) if table.radius else ())]
     radii += [row[2] for table in scene.grains for row in table.positions or () if len(row) > 2]
     around = 16 * (max(radii, default=1.0) / min(radii, default=1.0) + 8) + MOST_BOULDERS
     discs = max([1, *(len(scene.discs(table.shape)) for table in (*scene.grains, *scene.sources))])

@@ -93,5 +93,6 @@ class Keeping:
             belief.check(sim, host, tables, arrays)
             checkpoint.restore(sim._fields(), arrays)
             host.give(sim)
+            sim.mix()  # what these tables hold follows from the scene, and is not believed
             sim.home = Scene.from_json(about["home"]) if "home" in about else sim.scene
         return sim

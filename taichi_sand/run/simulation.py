@@ -119,6 +119,7 @@ class Simulation(Instrument, Growing, Tuning, Steering, Staged, Calling, Looking
         self.numbers = solver.numbers(scene, self.bed)
         if self.rooms == NO_ROOMS:  # tables that grow keep their numbers
             check_speeds(scene, self.numbers["speed_cap"])
+        self.mix()
         self.solver = field_pool.same(solver.build(scene, self.numbers, effect_modules.live(self.effects), own, tuple(built), self.world))
         self.pausing = {name: effect for name, effect in zip(self.effects, built, strict=False) if offers(effect, "on_pause")}
         """Effects that act between launches."""
@@ -276,6 +277,7 @@ class Simulation(Instrument, Growing, Tuning, Steering, Staged, Calling, Looking
             if name in constants.keys:
                 setattr(constants[None], name, value)
         self._set_pace()
+        self.mix()
         self._keep_due(before["step"])
         with self.clock.stage("march"):
             self._search_anew()

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_sand.errors import SandError
+from taichi_sand.scene.materials import MOST as MOST_MATERIALS
 from taichi_sand.scene.schema import Scene
 from taichi_sand.world.clumps import MOST
 from taichi_sand.world.tables import World
@@ -115,6 +116,8 @@ INDICES: dict[str, tuple[Bound, Bound] | str] = {
     "walls.start": (0, "entries"),
     "walls.part": (0, "last_part"),
     "walls.side": (-1, 1),
+    "walls.material": (0, MOST_MATERIALS),
+    "materials.of": SAME,
     "movers.wall": (-1, "last_wall"),
     "movers.part": (0, "last_part"),
     "movers.side": (-1, 1),

@@ -9,9 +9,11 @@ import numpy as np
 from taichi_sand.errors import SandError
 from taichi_sand.run import live
 from taichi_sand.run.entry import changes, reads
+from taichi_sand.scene.materials import matrices
 from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers import choose
 from taichi_sand.solvers.bed import Bed, height_of
+from taichi_sand.world.extras.materials import write_materials
 from taichi_sand.world.extras.wetness import pour
 from taichi_sand.world.sleep.fall_asleep import wake
 from taichi_sand.world.walls.build import (
@@ -31,6 +33,7 @@ class Tuning:
 
     scene: Scene
     over: dict[str, float]
+    numbers: dict[str, float]
     bed: Bed
     world: Any
     planned: Any
@@ -82,6 +85,13 @@ class Tuning:
         live.check_live(self.scene, scene)
         wake(self.world)
         self._adopt(scene, self._bed_for(scene), live.kept(self.over, self.scene, scene))
+
+    def mix(self) -> None:
+        """Contacts between materials are as the scene says now."""
+        if self.world.mixed:
+            mu = live.kernel_numbers(self.scene, self.over, self.numbers).get("friction_mu", 0.0)
+            friction, restitution = matrices(self.scene, mu, self.scene.solver.restitution)
+            write_materials(self.world, friction, choose(self.scene.solver.kind).bounces(self.scene, self.numbers, self.bed, restitution))
 
     def _bed_for(self, scene: Scene) -> Bed:
         """The bed as it is under the gravity of `scene`."""

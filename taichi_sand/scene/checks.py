@@ -10,6 +10,7 @@ from taichi_sand.scene.delimited import HEAD
 from taichi_sand.scene.moving import moves
 from taichi_sand.scene.rows import LENGTHS
 from taichi_sand.scene.shapes import BUILT_IN, joined, overlapping
+from taichi_sand.scene.sizes import limits
 
 OWNED = {
     "rigid": ("substeps", "hertz"),
@@ -53,7 +54,7 @@ def solver(table: Any) -> None:
 def grains(table: Any) -> None:
     """Either places or a region to fill; a radius from one side; keys that belong to a pattern."""
     if table.radius is not None:
-        _ordered("radius", table.radius, SMALLEST)
+        _ordered("radius", limits(table.radius), SMALLEST)
     _ordered("speed", table.speed, 0.0)
     given = {name for name in table.model_fields_set if getattr(table, name) is not None}
     if table.positions is None:
@@ -90,7 +91,7 @@ def water(table: Any) -> None:
 
 def source(table: Any) -> None:
     """A radius from low to high, and a region in order."""
-    _ordered("radius", table.radius, SMALLEST)
+    _ordered("radius", limits(table.radius), SMALLEST)
     region(table.region)
 
 
@@ -208,7 +209,7 @@ def _flow(table: Any, names: list[str]) -> None:
         name = f"sources[{index}]"
         if item.shape not in names:
             raise Wrong(f"{name}.shape", f" = {show(item.shape)} must be one of {', '.join(names)}{suggest(item.shape, names)}")
-        widest = 2 * table.form(item.shape).reach * item.radius[1]
+        widest = 2 * table.form(item.shape).reach * limits(item.radius)[1]
         if min(item.region[2] - item.region[0], item.region[3] - item.region[1]) < widest * (1 - 1e-9):  # as decimals are rounded
             raise Wrong(f"{name}.region", f" = {show(item.region)} is narrower than its largest grain, {widest:g} m")
 

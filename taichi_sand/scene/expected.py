@@ -20,7 +20,7 @@ Moment = Annotated[float | str, BeforeValidator(_as_moment)]
 class Check(Table):
     """A number that must lie in a range at some time; `taichi-sand check` says whether it does."""
 
-    observable: str = key(..., "number of the report (of a vector, with _x or _y behind its name), repose_angle or spread", min_length=1)
+    observable: str = key(..., "number of the report (of a vector, with _x or _y behind its name), or a measurement by name", min_length=1)
     low: Number | None = key(None, "least that it may be, in its own unit")
     high: Number | None = key(None, "most that it may be, in its own unit")
     at: Moment = key("end", 'when: a time, the name of an event, or "end", which is `duration`', "s")

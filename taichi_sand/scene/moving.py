@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-SURFACE = ("name", "friction", "surface_velocity")
+SURFACE = ("name", "material", "friction", "surface_velocity")
 """Keys of a wall that have nothing to do with where it is."""
 
 

@@ -8,6 +8,7 @@ from taichi_sand.scene.nearby import close_pairs, images, segments
 from taichi_sand.scene.scatter import DENSEST, Taken, scatter
 from taichi_sand.scene.schema import MOST_GRAINS, Grains, Scene
 from taichi_sand.scene.shapes import inertia, mass
+from taichi_sand.scene.sizes import drawn, limits, mean_area
 
 COINCIDENT = 1e-3  # of the least diameter: centres nearer than this are one place
 LOOSE = 0.5  # part of the free area that fill = "random" covers
@@ -53,7 +54,7 @@ def _most_of(scene: Scene, table: Grains) -> float:
     low, high = _reach(scene, table)
     width, height = np.subtract(_box(scene, table)[2:], _box(scene, table)[:2])
     if table.fill == "random":
-        return LOOSE * width * height / (np.pi * (low**2 + low * high + high**2) / 3) + 1
+        return LOOSE * width * height / mean_area(table.radius, scene.form(table.shape).reach) + 1
     pitch = 2 * high if table.pitch is None else table.pitch * (low + high)
     return (width / pitch + 2) * (height / (pitch * np.sqrt(0.75)) + 2)
 
@@ -112,7 +113,7 @@ def _at_rest(places: np.ndarray, radius: np.ndarray) -> np.ndarray:
 def _reach(scene: Scene, table: Grains) -> tuple[float, float]:
     """Lowest and highest radius [m] of the circle that holds a grain."""
     assert table.radius is not None
-    low, high = table.radius
+    low, high = limits(table.radius)
     reach = scene.form(table.shape).reach
     return reach * low, reach * high
 
@@ -128,7 +129,7 @@ def _given(scene: Scene, index: int, taken: Taken, rng: np.random.Generator) -> 
     rows = np.zeros((len(given), max(7, given.shape[1])))
     rows[:, : given.shape[1]] = given
     if table.radius is not None:
-        rows[:, 2] = rng.uniform(*table.radius, len(given))
+        rows[:, 2] = drawn(table.radius, len(given), rng)
     rows[:, 2] *= scene.form(table.shape).reach
     return rows
 
@@ -142,8 +143,8 @@ def _random(
     room = 0
     for index in indices:
         table, box = scene.grains[index], _box(scene, scene.grains[index])
-        low, high = _reach(scene, table)
-        disc = np.pi * (low**2 + low * high + high**2) / 3  # mean area
+        low, _ = _reach(scene, table)
+        disc = mean_area(table.radius, scene.form(table.shape).reach)
         sample = np.random.default_rng(0).uniform(box[:2], box[2:], (4096, 2))
         free = np.prod(box[2:] - box[:2]) * taken.free(sample, np.zeros(len(sample))).mean()
         used = sum(_shared(boxes[other][0], box) * np.pi * (radii[other] ** 2).sum() for other in radii)
@@ -152,7 +153,7 @@ def _random(
         _check_number(scene, index, count)
         if not min(room, count) or count > 1.05 * room + 4:  # near the limit it is tried
             raise _too_many(scene, index, room)
-        radii[index] = streams[index].uniform(low, high, count)
+        radii[index] = drawn(table.radius, count, streams[index], scene.form(table.shape).reach)
         boxes[index] = np.tile(box, (count, 1))
     if not radii:
         return {}
@@ -185,7 +186,7 @@ def _pattern(scene: Scene, index: int, taken: Taken, rng: np.random.Generator) -
         raise _too_many(scene, index, len(places))
     places = places[: table.count]
     places = places + rng.uniform(-1, 1, places.shape) * table.jitter * mean
-    return _at_rest(places, rng.uniform(low, high, len(places)))
+    return _at_rest(places, drawn(table.radius, len(places), rng, scene.form(table.shape).reach))
 
 
 def _sites(box: np.ndarray, edge: float, pitch: float, hexagonal: bool) -> np.ndarray:

@@ -17,10 +17,12 @@ from taichi_sand.scene import checks
 from taichi_sand.scene.events import Event, check_events
 from taichi_sand.scene.expected import Check
 from taichi_sand.scene.kinds import Angle, Box, Color, Edge, Name, Number, Range, Switch, Table, Vector, Whole, key, sealed
+from taichi_sand.scene.materials import Material, MaterialPair, check_materials
 from taichi_sand.scene.origin import moved
 from taichi_sand.scene.record import Record
 from taichi_sand.scene.rows import read_rows
 from taichi_sand.scene.shapes import BUILT_IN, Form, form
+from taichi_sand.scene.sizes import Radius, Sizes
 from taichi_sand.scene.walls import Shake, Wall
 from taichi_sand.scene.wording import in_words
 
@@ -35,6 +37,7 @@ class Edges(Table):
     right: Edge = key("wall", "wall, open or periodic (together with left)")
     bottom: Edge = key("wall", "wall, open or periodic (together with top)")
     top: Edge = key("wall", "wall, open or periodic (together with bottom)")
+    material: str = key("", "name of one of [[materials]] that those which are walls are made of")
 
 
 class Solver(Table):
@@ -81,8 +84,11 @@ class Grains(Table):
     """Grains of one kind: their shape, and where they start."""
 
     shape: str = key("disc", "disc, 2x1, 3x1, triangle, square, or the name of one of [[shapes]]")
-    radius: Range | None = key(None, "radius of a disc, of which a shape has several: a number, or [low, high] to draw from uniformly", "m")
+    radius: Radius | None = key(
+        None, "radius of a disc, of which a shape has several: a number, [low, high] to draw from uniformly, or a distribution", "m"
+    )
     density: Number = key(2650.0, "mass / area", "kg/m2", ge=1e-6)
+    material: str = key("", "name of one of [[materials]] that they are made of")
     count: Whole | None = key(None, "how many; without `fill`, in random places that do not overlap", ge=1, le=MOST_GRAINS)
     fill: Literal["lattice", "hexagonal", "random"] | None = key(None, "pattern that fills the region, up to `count` if given")
     pitch: Number | None = key(None, "lattice, hexagonal: spacing; the largest diameter if not given", "d", gt=0, le=100)
@@ -133,8 +139,11 @@ class Source(Table):
 
     name: Name = key("", "what [[events]] call it that start or end it; one that an event starts makes nothing until then")
     shape: str = key("disc", "disc, 2x1, 3x1, triangle, square, or the name of one of [[shapes]]")
-    radius: Range = key(..., "radius of a disc, of which a shape has several: a number, or [low, high] to draw from uniformly", "m")
+    radius: Radius = key(
+        ..., "radius of a disc, of which a shape has several: a number, [low, high] to draw from uniformly, or a distribution", "m"
+    )
     density: Number = key(2650.0, "mass / area", "kg/m2", ge=1e-6)
+    material: str = key("", "name of one of [[materials]] that they are made of")
     rate: Number = key(..., "grains made in a second, where there is room for them", "1/s", gt=0, le=1e6)
     region: Box = key(..., "[x0, y0, x1, y1] that they are made in, as a whole", "m")
     velocity: Vector = key((0.0, 0.0), "[vx, vy] that they start with", "m/s")
@@ -212,6 +221,8 @@ class Scene(Table):
     sources: tuple[Source, ...] = key((), "make grains while the simulation runs")
     sinks: tuple[Sink, ...] = key((), "take grains out")
     water: tuple[Water, ...] = key((), "where water is at the start")
+    materials: tuple[Material, ...] = key((), "what grains, walls and edges are made of")
+    material_pairs: tuple[MaterialPair, ...] = key((), "how two materials meet, where it is not the mean of both")
     effects: dict[str, dict[str, Any]] = key({}, "a table present = the effect is on")
     view: View = key(View(), "how pictures look")
     record: Record = key(Record(), "what `run` writes beside its report")
@@ -232,6 +243,7 @@ class Scene(Table):
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
         checks.scene(self)
+        check_materials(self)
         if not sealed.get():  # a simulation that is gone on with has lost the walls that were removed
             check_events(self)
         return self
@@ -287,7 +299,8 @@ class Scene(Table):
     def with_walls(self, walls: Sequence[Any]) -> Self:
         """Returns this scene with these walls, a table each; SandError if they are wrong."""
         tables = [dict(wall) if isinstance(wall, Wall) else wall for wall in walls]
-        checked = type(self)(size=self.size, edges=self.edges, effects=self.effects, walls=tables)
+        kept = {name: getattr(self, name) for name in ("size", "edges", "effects", "materials")}
+        checked = type(self)(**kept, walls=tables)
         return self.model_copy(update={"walls": checked.walls})
 
     def to_json(self) -> str:
@@ -307,5 +320,6 @@ class Scene(Table):
 
 
 def _tables() -> dict[str, type[BaseModel]]:
-    kinds = {"solver": Solver, "shapes": Shape, "grains": Grains, "walls": Wall, "shake": Shake, "sources": Source, "sinks": Sink}
-    return {"": Scene, "edges": Edges, "view": View, "record": Record, **kinds, "water": Water, "events": Event, "checks": Check}
+    kinds = {"solver": Solver, "shapes": Shape, "grains": Grains, "radius": Sizes, "walls": Wall, "shake": Shake}
+    kinds |= {"sources": Source, "sinks": Sink, "water": Water, "materials": Material, "material_pairs": MaterialPair}
+    return {"": Scene, "edges": Edges, "view": View, "record": Record, **kinds, "events": Event, "checks": Check}

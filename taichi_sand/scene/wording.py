@@ -23,7 +23,7 @@ ALLOWED = {
     "dict_type": "must be a table with keys of its own",
     "string_pattern_mismatch": 'must be a colour like "#2B5DA8"',
 }
-LISTS = ("shapes", "grains", "walls", "sources", "sinks", "events", "checks")
+LISTS = ("shapes", "grains", "walls", "sources", "sinks", "water", "materials", "material_pairs", "events", "checks")
 LIMITS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
 
 
@@ -44,7 +44,7 @@ def in_words(error: ValidationError, tables: dict[str, type[BaseModel]]) -> Sand
     """
     details = sorted(error.errors(include_url=False), key=lambda detail: detail["type"] != "extra_forbidden")
     detail = details[0]
-    location = tuple(part for part in detail["loc"] if part != "[key]")
+    location = tuple(part for part in detail["loc"] if not str(part).startswith("["))
     if detail["type"] == "json_invalid":
         return SandError(f"this is not the JSON of a scene: {detail['msg']}")
     if detail["type"] == "value_error":

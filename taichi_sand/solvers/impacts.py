@@ -21,6 +21,7 @@ from taichi_sand.solvers.impulses import (
 from taichi_sand.solvers.noting import WIPE, note, noting
 from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.extras.energy_ledger import drive, settle_work
+from taichi_sand.world.extras.materials import bounce_of
 from taichi_sand.world.geometry import add, at_least, at_most, movable, perp, within, wrench
 from taichi_sand.world.search.large_grains import is_boulder
 from taichi_sand.world.sweep import nothing, sweep
@@ -187,7 +188,7 @@ def bounce(
 ):
     """Gives pair p the impulse of its impact, and returns it."""
     arm_i, arm_j = arms(w, i, j, gap, lever, wall)
-    impulse = ti.Vector([(1.0 + c.restitution) * mass * at_least(0.0, 0.5 * pull.dot(normal) * c.step - speed), 0.0])
+    impulse = ti.Vector([(1.0 + bounce_of(w, p, c.restitution, wall)) * mass * at_least(0.0, 0.5 * pull.dot(normal) * c.step - speed), 0.0])
     if ti.static(w.turns):
         slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall) + slip_by(w, i, j, impulse.x, arm_i, arm_j, lever, wall)
         bound = friction_bound(w, s, c, p, wall, impulse.x)

@@ -9,16 +9,18 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numpy as np
 import taichi as ti
 
 from taichi_sand.solvers.bed import Bed
 from taichi_sand.solvers.impulses import slip_of
 from taichi_sand.solvers.integrators import INTEGRATORS, Stages, allocate_stages
 from taichi_sand.solvers.tighten import follow
-from taichi_sand.solvers.tolerance import md_numbers
+from taichi_sand.solvers.tolerance import md_damping, md_numbers
 from taichi_sand.world.clumps import levers, rim, tilt, torques
 from taichi_sand.world.extras.energy_ledger import set_off, split
 from taichi_sand.world.extras.hooks import offers
+from taichi_sand.world.extras.materials import bounce_of
 from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, motion_of, perp, rolling, wrench
 from taichi_sand.world.search.pair_history import hand_on
 from taichi_sand.world.tables import World, fill_struct
@@ -26,7 +28,7 @@ from taichi_sand.world.walls.servo import along_course, balance, carried, drives
 from taichi_sand.world.walls.wedge import feel
 
 MEMORY = 0
-__all__ = ["MEMORY", "build", "follow", "numbers"]
+__all__ = ["MEMORY", "bounces", "build", "follow", "numbers"]
 
 
 def constants_type(real: Any, live: Iterable[str]) -> Any:
@@ -70,9 +72,11 @@ def elastic_stiffness(s: ti.template(), c: ti.template(), overlap):
 
 
 @ti.func
-def damping(s: ti.template(), c: ti.template(), root_mass, overlap):
-    """k_d ζ^α [N s/m]."""
+def damping(w: ti.template(), s: ti.template(), c: ti.template(), p, root_mass, overlap, wall: ti.template()):
+    """k_d ζ^α of pair p [N s/m]."""
     coefficient = c.damping
+    if ti.static(w.mixed and s.weighted):
+        coefficient = bounce_of(w, p, c.damping, wall) * ti.sqrt(c.stiffness)
     if ti.static(s.weighted):
         coefficient *= root_mass
     if ti.static(s.law == "hertz"):
@@ -139,7 +143,7 @@ def pushed(w: ti.template(), s: ti.template(), c: ti.template(), p, i, j, distan
     force = ti.Vector([0.0, 0.0])
     motion = motion_of(w, p, i, j, distance, normal, wall)
     stiffness = elastic_stiffness(s, c, overlap)
-    dashpot = damping(s, c, swinging(w, p, normal, wall), overlap)
+    dashpot = damping(w, s, c, p, swinging(w, p, normal, wall), overlap, wall)
     speed = motion.dot(normal)
     arm_i = rim(w, p, i) - (overlap if ti.static(wall) else 0.5 * overlap)
     arm_j = 0.0 if ti.static(wall) else distance - arm_i
@@ -277,6 +281,11 @@ def step(w: ti.template(), s: ti.template(), impacts: ti.template()):
 def numbers(scene: Any, bed: Bed) -> dict[str, float]:
     """Numbers of `constants_type`, and the speed cap [m/s]; SandError if the step asked for is not stable."""
     return md_numbers(scene, bed)
+
+
+def bounces(scene: Any, numbers: dict[str, float], bed: Bed, restitution: np.ndarray) -> np.ndarray:
+    """Dashpots, over the root of stiffness and mass, of contacts with these restitutions (n, n)."""
+    return md_damping(scene, numbers, bed, restitution)
 
 
 def build(scene: Any, values: dict[str, float], live: dict[str, float], own: list, effects: tuple, world: World) -> MolecularDynamics:

@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numpy as np
 import taichi as ti
 
 from taichi_sand.solvers.bed import Bed
@@ -239,6 +240,11 @@ def step(w: ti.template(), s: ti.template(), impacts: ti.template()):
 def numbers(scene: Any, bed: Bed) -> dict[str, float]:
     """Numbers of `constants_type`, and the speed cap [m/s]."""
     return rigid_numbers(scene, bed)
+
+
+def bounces(scene: Any, numbers: dict[str, float], bed: Bed, restitution: np.ndarray) -> np.ndarray:
+    """Restitutions as they are."""
+    return restitution
 
 
 def build(scene: Any, values: dict[str, float], live: dict[str, float], own: list, effects: tuple, world: World) -> Rigid:

@@ -3,6 +3,9 @@
 import math
 from typing import Any
 
+import numpy as np
+
+from taichi_sand.scene.materials import restitutions
 from taichi_sand.solvers.bed import EARTH, Bed, lasting
 
 CONTACT_STEPS = 20
@@ -164,6 +167,12 @@ def law_for(restitution: float, beta: float, step: float | None) -> tuple[float,
     return chi, share / (chi * turns)
 
 
+def laws_for(scene: Any, beta: float, step: float | None) -> tuple[float, float, float]:
+    """χ of `solver.restitution`, the largest χ of all contacts, and the longest step that all of them allow, as `law_for`."""
+    laws = [law_for(restitution, beta, step) for restitution in restitutions(scene)]
+    return laws[0][0], max(chi for chi, _ in laws), min(longest for _, longest in laws)
+
+
 def follows_tolerance(solver: Any) -> bool:
     """Whether stiffness and step follow from the tolerance, not from numbers of their own in the [solver] table."""
     return not any((solver.step, solver.substeps, solver.stiffness, solver.k_r, solver.hertz))
@@ -209,12 +218,12 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     weighted = solver.k_d is None
     reduced = 0.5 * bed.least_mass
     contact_time = math.pi * math.sqrt(reduced / (beta * stiffness))
-    chi, exact = law_for(solver.restitution, beta, solver.step and solver.step / contact_time) if weighted else (0.0, math.inf)
+    chi, strongest, exact = laws_for(scene, beta, solver.step and solver.step / contact_time) if weighted else (0.0, 0.0, math.inf)
     damping = chi * math.sqrt(k_r) if weighted else solver.k_d
-    k_d = damping * (math.sqrt(reduced) if weighted else 1.0) * overlap**alpha
+    k_d = (strongest * math.sqrt(k_r) if weighted else damping) * (math.sqrt(reduced) if weighted else 1.0) * overlap**alpha
     ratio = k_d / (2 * math.sqrt(beta * stiffness * reduced))
     limit = contact_time * stable_step(ratio)
-    steps = ELASTIC_STEPS if weighted and solver.restitution > ELASTIC else CONTACT_STEPS
+    steps = ELASTIC_STEPS if weighted and max(restitutions(scene)) > ELASTIC else CONTACT_STEPS
     step = solver.step or min(contact_time / steps, limit, exact * contact_time, bed.longest_step)
     if step > limit:
         raise scene.error(
@@ -243,6 +252,14 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
         "settling": SETTLE * unit / bed.depth,
         "spare": max(1.0, stiffness * overlap / pressed) ** (1 / beta) - 1 if pressed and not solver.stiffness else 0.0,
     }
+
+
+def md_damping(scene: Any, numbers: dict[str, float], bed: Bed, restitution: np.ndarray) -> np.ndarray:
+    """χ of `law_for`, for restitutions of any shape, with these numbers of the solver."""
+    contact_time = numbers["contact_time"] / math.sqrt(bed.mass / bed.least_mass)
+    given = scene.solver.step and scene.solver.step / contact_time
+    known, place = np.unique(restitution, return_inverse=True)
+    return np.array([law_for(float(one), numbers["beta"], given)[0] for one in known])[place].reshape(restitution.shape)
 
 
 def _check_step(scene: Any, key: str, step: float, bed: Bed) -> None:

@@ -15,6 +15,7 @@ from taichi_sand.world import flags
 from taichi_sand.world.clumps import build_shapes
 from taichi_sand.world.extras.grain_rows import allocate_carried, allocate_grains, new_rows
 from taichi_sand.world.extras.links import build_links
+from taichi_sand.world.extras.materials import lay_materials
 from taichi_sand.world.search.cell_list import allocate_grid
 from taichi_sand.world.search.growth import KINDS, NO_ROOMS, Rooms, Sizes, foreseen, sizes_of
 from taichi_sand.world.search.large_grains import part_boulders
@@ -136,6 +137,11 @@ def rows_of(sizes: Sizes, rooms: Rooms) -> dict[str, int]:
     }
 
 
+def tie(links: np.ndarray | None, pack: Pack, real: Any) -> dict[str, Any]:
+    """Whether grains of `pack` are tied together, and the links (n, 2) that do, as members of a world."""
+    return {"linked": links is not None and len(links) > 0, "links": build_links(links, pack, real)}
+
+
 def make_world(
     scene: Any,
     pack: Pack,
@@ -190,8 +196,8 @@ def make_world(
         clumps=pack.clumps,
         shapes=build_shapes(pack.forms, real) if pack.clumps else None,
         carried=allocate_carried(real, capacity, carried),
-        linked=links is not None and len(links) > 0,
-        links=build_links(links, pack, real),
+        **lay_materials(scene, real),
+        **tie(links, pack, real),
         discs=most_discs(pack),
         layout=layout,
         lanes=lanes,

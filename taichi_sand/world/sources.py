@@ -14,6 +14,7 @@ import numpy as np
 from taichi_sand.scene.grains import Pack
 from taichi_sand.scene.room import Room
 from taichi_sand.scene.shapes import inertia, mass
+from taichi_sand.scene.sizes import limits, spread
 from taichi_sand.world import edit
 from taichi_sand.world.flags import SOURCE_FULL, raise_flag
 from taichi_sand.world.tables import World, steps_within
@@ -63,7 +64,7 @@ def foreseen(scene: Any, pack: Pack) -> Pack:
     """`pack` and of each source a smallest and a largest grain: what tables, stiffness and step are to be made for."""
     for index, source in enumerate(scene.sources):
         middle = np.reshape(source.region, (2, 2)).mean(0)
-        grains = grains_of(scene, index, np.tile(middle, (2, 1)), np.array(source.radius), np.zeros(2))
+        grains = grains_of(scene, index, np.tile(middle, (2, 1)), np.array(limits(source.radius)), np.zeros(2))
         grains |= {"fixed": np.zeros(2, bool), "body": np.full(2, -1, np.int32)}
         pack = replace(pack, **{name: np.concatenate([getattr(pack, name), values]) for name, values in grains.items()})
     return pack
@@ -135,9 +136,8 @@ def draw(scene: Any, index: int, first: int, count: int) -> tuple[np.ndarray, np
     source, numbers = scene.sources[index], np.arange(first, first + count)
     rng = np.random.default_rng([scene.seed, index])
     size, turn = evenly(numbers, int(rng.integers(2**62))), (rng.uniform() + GOLDEN * numbers) % 1.0
-    low, high = source.radius
     angle = np.pi * (2 * turn - 1) if source.angle == "random" else np.full(count, float(source.angle))
-    return low + (high - low) * size, angle
+    return spread(source.radius, size), angle
 
 
 def pour(scene: Any, world: World, flows: Sequence[Flow], first_id: int, time: float) -> int:
@@ -187,7 +187,7 @@ def settle(scene: Any, world: World, index: int, most: int, position: np.ndarray
     walls = wall_segments(world, scene)
     source, made = scene.sources[index], int(world.flow.made[index])
     reach = scene.form(source.shape).reach
-    room = Room(source.region, reach * source.radius[1], walls, position, radius, rng)
+    room = Room(source.region, reach * limits(source.radius)[1], walls, position, radius, rng)
     places, sizes, angles = [], [], []
     for k in range(most):
         if k % CHUNK == 0:

@@ -125,6 +125,8 @@ class World:
     clumps: bool  # whether a grain may be anything but a disc
     shapes: Any  # world.clumps.Shapes, or None without clumps
     carried: tuple  # columns of numbers that grains carry for effects, by name: world.carried
+    materials: Any  # world.extras.materials.Materials, or None if the scene has none
+    mixed: bool  # whether it has
     linked: bool  # whether an effect ties grains together
     links: Any  # world.links.Links, or None if none does
     boulders: int  # rows for the pairs of boulders, the last of those before `wall_base`; 0 = there are none

@@ -8,13 +8,14 @@ import taichi as ti
 
 from taichi_sand.scene import moving
 from taichi_sand.scene.grains import Pack
+from taichi_sand.scene.materials import number_of
 from taichi_sand.scene.nearby import images, segments
 from taichi_sand.world.search.neighbour_list import MOST_REACH
 from taichi_sand.world.sleep.fall_asleep import wake
 from taichi_sand.world.tables import World, write_rows
 from taichi_sand.world.walls.joints import Part, join
 from taichi_sand.world.walls.motion import BLUR, JAMMED, TOLERANCES, Movers, allocate_movers, clocks_of, constants, go_on, hours, set_out
-from taichi_sand.world.walls.polylines import Frame, clipped
+from taichi_sand.world.walls.polylines import Frame, Own, clipped
 from taichi_sand.world.walls.segments import COLUMNS, build_walls, cast_parts, edge_parts, fits, part_room, renumber, write_walls
 
 SIDES = ("left", "right", "bottom", "top")
@@ -27,17 +28,19 @@ def wall_parts(scene: Any, unit: float) -> list[Part]:
     size, wraps = np.array(scene.size), np.array(scene.periodic)
     walled = tuple(getattr(scene.edges, side) == "wall" for side in SIDES)
     still = Frame(size, wraps, walled, unit, float(size[wraps].min() / 4) if wraps.any() else np.inf)
-    lines = [(piece, own_of(wall)) for wall in scene.walls if not moving.moves(wall) for piece in clipped(moving.corners(wall), still)]
-    parts = edge_parts(scene.size, walled) + join(lines, still)
+    lines = [
+        (piece, own_of(scene, wall)) for wall in scene.walls if not moving.moves(wall) for piece in clipped(moving.corners(wall), still)
+    ]
+    parts = edge_parts(scene.size, walled, number_of(scene, scene.edges.material)) + join(lines, still)
     for mover, wall in enumerate(moving_walls(scene)):
         free = still._replace(walled=(False,) * 4, wraps=wraps & (wall.spin == 0))
-        parts += join([(moving.corners(wall), own_of(wall))], free, mover)
+        parts += join([(moving.corners(wall), own_of(scene, wall))], free, mover)
     return parts
 
 
-def own_of(wall: Any) -> tuple[float, float]:
-    """Coefficient of friction of its own, < 0: it has none; and velocity of its surface along it [m/s]."""
-    return -1.0 if wall.friction is None else wall.friction, wall.surface_velocity
+def own_of(scene: Any, wall: Any) -> Own:
+    """Coefficient of friction of its own, < 0: it has none; velocity of its surface along it [m/s]; and number of its material."""
+    return -1.0 if wall.friction is None else wall.friction, wall.surface_velocity, number_of(scene, wall.material)
 
 
 def moving_walls(scene: Any) -> list[Any]:
@@ -104,7 +107,7 @@ def lay_walls(
     real: Any,
 ) -> dict[str, Any]:
     """Tables of still and moving walls, with room for `room` entries of still ones and for `moving_room` of others."""
-    walls = build_walls(parts, entries, real, room, moving_room)
+    walls = build_walls(parts, entries, real, room, moving_room, bool(scene.materials))
     movers = build_movers(scene, parts, walls, sites, gpu, real)
     return {"walls": walls, "movers": movers, "moves": movers is not None}
 
@@ -164,6 +167,8 @@ def tables_of(world: World, scene: Any) -> dict[str, np.ndarray]:
         tables["walls.friction"] = np.array([part.friction for part in parts])
     if world.walls.belts:
         tables["walls.surface"] = np.array([part.surface for part in parts])
+    if world.mixed:
+        tables["walls.material"] = np.array([part.material for part in parts])
     if world.moves:
         fixed = constants(moving_walls(scene))
         moved = {**fixed, **part_columns(parts, fixed["pivot"]), "wall": owners(world.movers, parts)}
@@ -174,8 +179,8 @@ def tables_of(world: World, scene: Any) -> dict[str, np.ndarray]:
 
 def structure_fits(world: World, scene: Any) -> bool:
     """Whether `world` has been made for walls of the kinds that `scene` has, and for as many that move."""
-    found, kinds = moving_walls(scene), [own_of(wall) for wall in scene.walls]
-    rough, belts = any(friction >= 0 for friction, _ in kinds), any(speed for _, speed in kinds)
+    found, kinds = moving_walls(scene), [own_of(scene, wall) for wall in scene.walls]
+    rough, belts = any(friction >= 0 for friction, _, _ in kinds), any(speed for _, speed, _ in kinds)
     if (rough and not world.walls.rough) or (belts and not world.walls.belts) or (found and not world.moves):
         return False
     if not world.moves:

@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from taichi_sand.world.walls.polylines import STRAIGHT, WELD, Frame, Lines, lay, straightened
+from taichi_sand.world.walls.polylines import STRAIGHT, WELD, Frame, Lines, Own, lay, straightened
 
 FAR = 1e30
 ASIDE = 1e-4
@@ -37,6 +37,7 @@ class Part:
     friction: float = -1.0  # < 0: that of the effect
     surface: tuple[float, float] = (0.0, 0.0)  # velocity of its surface as it stands [m/s]
     mover: int = -1  # which moving wall it belongs to; -1 = it stands still
+    material: int = 0  # number of its material, as in scene.materials
     slopes: tuple[float, float] = (0.0, 0.0)  # by how much its bounds shift for every metre to the left of the line
 
     @property
@@ -46,14 +47,14 @@ class Part:
 
     def key(self) -> bytes:
         """What makes it the same part in another table: whatever has come to meet it there."""
-        return np.concatenate([self.point, self.along, self.bounds, [self.side, self.friction, self.mover]]).tobytes()
+        return np.concatenate([self.point, self.along, self.bounds, [self.side, self.friction, self.mover, self.material]]).tobytes()
 
 
 Link = dict[tuple[int, int], tuple[int, int]]
 """From an end of a line (number, 0 = start or 1 = end) to the end of the line that goes on there."""
 
 
-def join(polylines: list[tuple[np.ndarray, tuple[float, float]]], frame: Frame, mover: int = -1) -> list[Part]:
+def join(polylines: list[tuple[np.ndarray, Own]], frame: Frame, mover: int = -1) -> list[Part]:
     """Lines and ends of polylines, each its corners (n, 2) [m] and what `Lines.own` has of it, that move together."""
     lines, places = lay(polylines, frame)
     if not len(lines.ends):
@@ -133,7 +134,7 @@ def path_parts(lines: Lines, path: Path, link: Link, frame: Frame, mover: int, w
     steps = lines.way[numbers] * (1 - 2 * entered[:, None])
     start = lines.start[numbers[0]] + entered[0] * lines.way[numbers[0]]
     points = np.concatenate([start[None], start + np.cumsum(steps, axis=0)])
-    own = lines.own[numbers] * np.stack([np.ones(len(path)), 1 - 2 * entered], axis=1)
+    own = lines.own[numbers] * np.stack([np.ones(len(path)), 1 - 2 * entered, np.ones(len(path))], axis=1)
     corners = straightened(points, STRAIGHT * frame.unit)
     chords = np.diff(points[corners], axis=0)
     lengths = np.hypot(*chords.T)
@@ -150,14 +151,15 @@ def path_parts(lines: Lines, path: Path, link: Link, frame: Frame, mover: int, w
         places = np.minimum((points[a : b + 1] - points[a]) @ along[k], length)
         over = ASIDE * frame.unit * np.array([k > 0 or closed, k < len(chords) - 1 or closed])
         spans = pieces(np.concatenate([[over[0]], places[1:-1], [length + over[1]]]), own[a:b], frame.longest)
-        for n, (start, end, (friction, speed)) in enumerate(spans):
+        for n, (start, end, (friction, speed, material)) in enumerate(spans):
             slopes = (float(half[k - 1]) if n == 0 else 0.0, float(-half[k]) if n == len(spans) - 1 else 0.0)
-            parts.append(Part(points[a], along[k], np.array([start, end]), 0, friction, tuple(speed * along[k]), mover, slopes))
+            part = Part(points[a], along[k], np.array([start, end]), 0, friction, tuple(speed * along[k]), mover, int(material), slopes)
+            parts.append(part)
     return parts
 
 
 def pieces(places: np.ndarray, own: np.ndarray, longest: float) -> list[tuple[float, float, np.ndarray]]:
-    """What of a line through `places` (n + 1,) [m] is alike, and no longer than `longest` [m]: from, to, and what is its `own` (n, 2)."""
+    """What of a line through `places` (n + 1,) [m] is alike, and no longer than `longest` [m]: from, to, and what is its `own` (n, OWN)."""
     changes = [0, *(1 + np.flatnonzero(np.diff(own, axis=0).any(axis=1))), len(own)]
     found: list[tuple[float, float, np.ndarray]] = []
     for first, last in pairwise(changes):
@@ -203,7 +205,9 @@ def corner(place: np.ndarray, halves: list, led: dict[tuple[int, int], np.ndarra
     if gaps[widest] > np.pi:
         first, second = order[(widest + 1) % len(order)], order[widest]
         meeting = [number for (number, _), _ in halves]
-        yield Part(place, -ways[first], -ways[second], -1, float(lines.own[meeting[0], 0]), around_corner(lines, meeting), mover)
+        friction, _, material = lines.own[meeting[0]]
+        ends = (-ways[first], -ways[second])
+        yield Part(place, *ends, -1, float(friction), around_corner(lines, meeting), mover, int(material))
 
 
 def around_corner(lines: Lines, meeting: list[int]) -> tuple[float, float]:

@@ -15,6 +15,11 @@ STRAIGHT = 1e-4
 """A line may replace pieces that are nowhere farther off it than this, in the same diameters."""
 
 
+OWN = 3
+"""Numbers that are of a wall: coefficient of friction (< 0: none of its own), surface velocity along it [m/s], number of its material."""
+Own = tuple[float, float, int]
+
+
 class Frame(NamedTuple):
     """What polylines are joined in: the box, or for walls that move what of it moves along."""
 
@@ -41,7 +46,7 @@ class Lines(NamedTuple):
     ends: np.ndarray  # numbers of the points they run between, (n, 2)
     start: np.ndarray  # [m], (n, 2)
     way: np.ndarray  # from start to end [m], (n, 2)
-    own: np.ndarray  # coefficient of friction (< 0: none of its own), and surface velocity along `way` [m/s], (n, 2)
+    own: np.ndarray  # see OWN, (n, 3)
 
     def along(self) -> np.ndarray:
         """Directions, (n, 2)."""
@@ -84,14 +89,14 @@ def thinned(points: np.ndarray, least: float) -> np.ndarray:
     return np.array([*kept, points[-1]])
 
 
-def lay(polylines: list[tuple[np.ndarray, tuple[float, float]]], frame: Frame) -> tuple[Lines, np.ndarray]:
+def lay(polylines: list[tuple[np.ndarray, Own]], frame: Frame) -> tuple[Lines, np.ndarray]:
     """The pieces, with corners that are the same in the same place, and the places [m] of all corners, (m, 2), by their numbers."""
     weld = WELD * frame.unit
     thin = [(thinned(np.asarray(points, float), 2 * weld), own) for points, own in polylines]
     corners = np.concatenate([points for points, _ in thin] or [np.empty((0, 2))])
     number = welded(frame.home(corners), weld, frame)
     places = frame.home(corners)
-    owns = np.concatenate([np.tile(own, (len(points), 1)) for points, own in thin] or [np.empty((0, 2))])
+    owns = np.concatenate([np.tile(own, (len(points), 1)) for points, own in thin] or [np.empty((0, OWN))])
     last = np.cumsum([len(points) for points, _ in thin]) - 1
     rows = np.setdiff1d(np.arange(len(corners)), last)
     snapped = frame.nearest(places[number], corners)

@@ -28,6 +28,7 @@ class Walls(NamedTuple):
     rough: bool  # whether a wall has one
     surface: Any  # velocity of its surface as it stands, 2-vector [m/s]: shape (parts,), or None if no wall is a belt
     belts: bool  # whether one is
+    material: Any  # number of its material, i32: shape (parts,), or None if the scene has none
     room: int  # entries of still walls that there may be; behind them are those of walls that move
 
 
@@ -35,13 +36,13 @@ COLUMNS = ("start", "part", "side", "point", "along", "bounds", "slopes")
 """Of the table, as `cast_parts` gives them."""
 
 
-def edge_parts(size: tuple[float, float], walled: Sequence[bool]) -> list[Part]:
+def edge_parts(size: tuple[float, float], walled: Sequence[bool], material: int) -> list[Part]:
     """The edges of the box that are walls, in the order left, right, bottom, top; `along` has the inside on its left."""
     w, h = size
     corners = [((0, 0), (0, -1)), ((w, 0), (0, 1)), ((0, 0), (1, 0)), ((0, h), (-1, 0))]
     endless = np.array([-FAR, FAR])
     return [
-        Part(np.array(point, float), np.array(along, float), endless, 1)
+        Part(np.array(point, float), np.array(along, float), endless, 1, material=material)
         for (point, along), wall in zip(corners, walled, strict=True)
         if wall
     ]
@@ -101,8 +102,10 @@ def moving_entries(parts: list[Part], spacing: tuple[float, float], reach: float
     return round_up(int(sum(2 * wide * length + np.pi * wide**2 for length in lengths) / np.prod(spacing)), LEAST_ROOM) if lengths else 0
 
 
-def build_walls(parts: list[Part], entries: list[np.ndarray], real: Any, room: int, moving: int) -> Walls:
-    """Wall table with room for at least `room` entries of parts that stand still, and for `moving` of those that move."""
+def build_walls(parts: list[Part], entries: list[np.ndarray], real: Any, room: int, moving: int, mixed: bool) -> Walls:
+    """Wall table with room for at least `room` entries of parts that stand still, and for `moving` of those that move; with materials if
+    they are `mixed`.
+    """
     room = round_up(max(room, len(entries[1])), LEAST_ROOM)
     rows, sites = room + moving, round_up(len(entries[0]) + 1, LEAST_ROOM)
     rough, belts = any(part.friction >= 0 for part in parts), any(any(part.surface) for part in parts)
@@ -115,6 +118,7 @@ def build_walls(parts: list[Part], entries: list[np.ndarray], real: Any, room: i
         rough=rough,
         surface=field_pool.vectors(2, real, part_room(room, parts)) if belts else None,
         belts=belts,
+        material=field_pool.scalars(ti.i32, part_room(room, parts)) if mixed else None,
         room=room,
     )
     write_walls(table, parts, entries)
@@ -141,6 +145,8 @@ def write_walls(table: Walls, parts: list[Part], entries: list[np.ndarray]) -> N
         write_rows(table.friction, np.array([part.friction for part in parts]))
     if table.belts:
         write_rows(table.surface, np.array([part.surface for part in parts]))
+    if table.material is not None:
+        write_rows(table.material, np.array([part.material for part in parts]))
 
 
 def renumber(before: list[Part], after: list[Part]) -> np.ndarray:
