@@ -97,7 +97,7 @@ def allocate_carried(real: Any, capacity: int, starts: Mapping[str, float]) -> A
 
 
 def new_rows(grains: Mapping[str, np.ndarray], first_id: int, spacing: np.ndarray) -> dict[str, np.ndarray]:
-    """Columns of the table, by name, for new grains with the ids first_id, first_id + 1, …
+    """Columns of the table, by name, for new grains with the ids first_id, first_id + 1, …; what is not among them is zero.
 
     Args:
         grains: position, velocity (n, 2), angle, spin, radius, mass, inertia, kind, and of those that are held in place fixed (n,); SI.
@@ -113,7 +113,6 @@ def new_rows(grains: Mapping[str, np.ndarray], first_id: int, spacing: np.ndarra
         "start_velocity": grains["velocity"],
         "twist": np.column_stack([grains["velocity"], grains["spin"], zero]) * moves,
         "mobility": np.column_stack([1 / grains["mass"], 1 / grains["mass"], 1 / grains["inertia"], zero]) * moves,
-        "wrench": np.zeros((count, 4)),
         "radius": grains["radius"],
         "angle": grains["angle"],
         "id": first_id + np.arange(count),
@@ -122,9 +121,10 @@ def new_rows(grains: Mapping[str, np.ndarray], first_id: int, spacing: np.ndarra
 
 
 def beside(rows: Mapping[str, np.ndarray], whole: bool) -> np.ndarray:
-    """The columns of whole numbers, or the others, side by side as a row has them, shape (n, number of parts)."""
-    names = [name for name, column in COLUMNS.items() if column.lasts and column.whole == whole]
-    return np.column_stack([rows[name] for name in names])
+    """The columns of whole numbers, or the others, side by side as a row has them, shape (n, number of parts); zeros if not in `rows`."""
+    count = len(rows["id"])
+    kept = {name: column for name, column in COLUMNS.items() if column.lasts and column.whole == whole}
+    return np.column_stack([rows.get(name, np.zeros((count, column.width))) for name, column in kept.items()])
 
 
 @ti.func
