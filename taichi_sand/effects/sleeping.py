@@ -29,4 +29,4 @@ class Sleeping(Effect):
     sleeps = True
     interval = 1 / 60
 
-    on_step = staticmethod(state.on_step)
+    on_step = staticmethod(state.on_step)  # type: ignore[assignment]

@@ -72,7 +72,7 @@ def hexatic(sim: Any, state: dict[str, np.ndarray], rows: np.ndarray) -> np.ndar
     way = unwrapped(state["position"][two] - state["position"][one], sim)
     sixth = np.exp(6j * np.arctan2(way[:, 1], way[:, 0]))  # the same from both ends
     grain, both, count = np.concatenate([one, two]), np.concatenate([sixth, sixth]), len(state["id"])
-    total = np.bincount(grain, both.real, count) + 1j * np.bincount(grain, both.imag, count)
+    total = np.bincount(grain, np.real(both), count) + 1j * np.bincount(grain, np.imag(both), count)
     return total / np.maximum(np.bincount(grain, minlength=count), 1)
 
 

@@ -39,10 +39,11 @@ class Brush:
         self.kind = (self.kind + step) % max(1, len(tables))
         radii = _radii(sim)
         reach = sim.scene.form_of(tables[self.kind]).reach if tables else 1.0
-        if tables and tables[self.kind].radius:
-            radii = tuple(reach * radius for radius in limits(tables[self.kind].radius))
-        elif tables and tables[self.kind].positions:
-            own = [reach * row[2] for row in tables[self.kind].positions if len(row) > 2]
+        if tables and (asked := tables[self.kind].radius):
+            low, high = limits(asked)
+            radii = (reach * low, reach * high)
+        elif tables and (rows := tables[self.kind].positions):
+            own = [reach * row[2] for row in rows if len(row) > 2]
             radii = (min(own), max(own)) if own else radii
         unit, (_, most) = 0.5 * sim.bed.diameter, _limits(sim)
         self.low, self.high = (min(most, radius / unit) for radius in radii)
@@ -74,7 +75,7 @@ def _radii(sim: Simulation) -> tuple[float, float]:
     """Smallest and largest radius there is [m]."""
     places, _ = edit.places(sim.world)
     radius = places[:, 2]
-    return (float(radius.min()), float(radius.max())) if len(radius) else (0.5 * sim.bed.diameter,) * 2
+    return (float(radius.min()), float(radius.max())) if len(radius) else (0.5 * sim.bed.diameter, 0.5 * sim.bed.diameter)
 
 
 def _limits(sim: Simulation) -> tuple[float, float]:

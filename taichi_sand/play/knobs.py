@@ -5,6 +5,7 @@ Every range, unit and line of help comes from where the number is declared: the 
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from taichi_sand import effects
 from taichi_sand.run import live
@@ -83,11 +84,11 @@ def _of_solver(name: str, group: str, value: float | None = None, log: bool = Fa
     info = Solver.model_fields[name]
     limits = {type(limit).__name__: getattr(limit, type(limit).__name__.lower(), None) for limit in info.metadata}
     low, high = limits.get("Ge", limits.get("Gt")), limits.get("Le")
-    if high is None:
+    if high is None and value is not None:
         low, high, log = value / SPAN, value * SPAN, True
-    unit = (info.json_schema_extra or {}).get("unit", "")
+    more: Any = info.json_schema_extra or {}
     key = f"solver.{name}"
-    return Knob(key, name, group, unit, info.description or "", float(low), float(high), log, OPENED.get(key))
+    return Knob(key, name, group, more.get("unit", ""), info.description or "", float(low or 0.0), float(high or 0.0), log, OPENED.get(key))
 
 
 def _of_effect(name: str) -> list[Knob]:

@@ -71,7 +71,7 @@ class Session:
     def drop(self) -> None:
         """Lets go of all simulations, and of Taichi's memory."""
         self.built: dict[tuple[str, tuple[Wall, ...]], Simulation] = {}
-        self.sim = None
+        self.sim: Simulation = None  # type: ignore[assignment]  # until one is made
         gc.collect()
         if not runtime.alive:
             runtime.forget()

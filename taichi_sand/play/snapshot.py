@@ -133,7 +133,7 @@ def to_bytes(snapshot: Snapshot) -> bytes:
     head["walls"] = [wall.model_dump(exclude_unset=True) for wall in snapshot.walls]
     file = io.BytesIO()
     arrays = {name: rows.rows for name, rows in snapshot.fields.items()}
-    np.savez_compressed(file, head=np.frombuffer(json.dumps(head).encode(), np.uint8), **arrays)
+    np.savez_compressed(file, **{"head": np.frombuffer(json.dumps(head).encode(), np.uint8), **arrays})  # type: ignore[arg-type]
     return file.getvalue()
 
 

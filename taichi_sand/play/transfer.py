@@ -1,6 +1,7 @@
 """From one structure to another: the same grains under another solver, or with other effects."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +31,8 @@ def with_solver(scene: Scene, kind: str, home: Scene) -> Scene:
     """`scene` for the other solver: with the expert keys of `home` if it is the one that it was written for, else without any."""
     expert = {name: getattr(home.solver, name) for name in home.solver.model_fields_set} if home.solver.kind == kind else {}
     kept = {"tolerance": scene.solver.tolerance, "restitution": scene.solver.restitution, "precision": scene.solver.precision}
-    solver = type(scene.solver)(**{name: value for name, value in expert.items() if name not in foreign(kind)} | kept | {"kind": kind})
+    keys: dict[str, Any] = {name: value for name, value in expert.items() if name not in foreign(kind)} | kept | {"kind": kind}
+    solver = type(scene.solver)(**keys)
     return scene.model_copy(update={"solver": solver})
 
 

@@ -53,7 +53,7 @@ def check(sim: Any, record: Host, fresh: Mapping[str, np.ndarray], stored: Mappi
         number(f"due {name}", due, whole=True)
         if not record.steps <= due <= record.steps + trust.LATEST:
             raise SandError(f"due {name} = {due} does not fit its {record.steps} steps")
-    trust.check(sim.world, record.scene, len(sim.sizes), fresh, stored)
+    trust.check(sim.world, record.scene, len(sim.sizes), dict(fresh), dict(stored))
     if steps > record.steps or record.steps != int(stored[".0.pace:done"]):
         raise SandError(f"steps = {record.steps} does not fit its tables")
     if len(sim.scene.grains) and int(stored[".0.grains.id"].max()) >= record.made:

@@ -46,8 +46,13 @@ class Host:
         """What `to_json` gave; KeyError or TypeError if it is something else."""
         named = {field.name: data[field.name] for field in fields(cls)}
         step, time = named["epoch"]
-        tables = {"scene": Scene.from_json(named["scene"]), "bed": Bed(**named["bed"]), "stages": Stages.from_json(named["stages"])}
-        return cls(**named | tables | {"epoch": (int(step), float(time))})
+        tables: dict[str, Any] = named | {"epoch": (int(step), float(time))}
+        tables |= {
+            "scene": Scene.from_json(named["scene"]),
+            "bed": Bed(**named["bed"]),
+            "stages": Stages.from_json(named["stages"]),
+        }
+        return cls(**tables)
 
 
 def kept(value: Any) -> Any:

@@ -84,9 +84,9 @@ class Keeping:
         room = 2 * sum(array.size for array in arrays.values()) + ROOM
         with turn, checkpoint.believing(path, "checkpoint"), field_pool.at_most(room):
             host = Host.from_json(about["host"])
-            sim = cls(
-                laid_out(host.scene, about["first_walls"]), arch=arch, threads=threads, room=about["room"], hand=about["hand"] is True
-            )
+            make: Any = cls
+            walls = laid_out(host.scene, about["first_walls"])
+            sim = make(walls, arch=arch, threads=threads, room=about["room"], hand=about["hand"] is True)
             sim.take_room(Rooms(*about["rooms"]))
             tables = checkpoint.tables_of(sim._fields())
             checkpoint.check_shapes(tables, arrays)

@@ -278,10 +278,10 @@ def rows_of(function: str, positions: Any) -> np.ndarray:
     try:
         given = np.asarray(positions, float)
     except (TypeError, ValueError):
-        given = np.zeros(2)
+        given = np.zeros(1)
     if given.shape == (0,):
         given = given.reshape(0, 2)
-    if given.ndim != 2 or given.shape[1] != 2:
+    if given.ndim != 2 or given.shape[-1] != 2:
         raise SandError(f"{function}: positions must be numbers of shape (n, 2): x and y of each grain")
     return given
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -134,7 +135,7 @@ def bed_of(pack: Pack, gravity: tuple[float, float], size: tuple[float, float], 
 
     `size` [m] is that of the box, `drive` [m/s] the speed of the fastest wall or source, `shaking` [s] the shortest period of a wall.
     """
-    walls: dict[str, float] = {"height": height_of(gravity, size), "drive": drive, "shaking": shaking}
+    walls: dict[str, Any] = {"height": height_of(gravity, size), "drive": drive, "shaking": shaking}
     if not len(pack.radius):
         return Bed(1.0, 1.0, 1.0, 1.0, 1.0, float(np.hypot(*gravity)), drive, fast=drive, **walls)
     free = ~pack.fixed if (~pack.fixed).any() else np.ones_like(pack.fixed)

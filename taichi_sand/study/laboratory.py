@@ -74,7 +74,7 @@ def simulate(discs: Sequence[Disc] | list[dict[str, Any]], size: Sequence[float]
     `mu` and `friction` are short for effects.friction.mu and further keys of that table; `threads` is 1 unless given; with `hand`
     there is a hand to reach in.
     """
-    grains = tables(discs) if discs and isinstance(discs[0], Disc) else list(discs)
+    grains: Any = tables(discs) if discs and isinstance(discs[0], Disc) else list(discs)  # type: ignore[arg-type]
     mu, friction, threads = keys.pop("mu", None), keys.pop("friction", {}), keys.pop("threads", 1)
     hand = keys.pop("hand", False)
     effects = {"friction": {"mu": mu, **friction}} if mu is not None else {}

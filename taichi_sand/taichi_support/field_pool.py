@@ -168,7 +168,7 @@ def borrow(owner: Any, lay: Callable[[], None], keep: bool) -> Callable[[], Any]
     else:
         fitting = FieldSet()
         pool.borrow(fitting, lay)
-    back = weakref.finalize(owner, pool.sets.append if keep else list, fitting)
+    back = weakref.finalize(owner, pool.sets.append if keep else list, fitting)  # type: ignore[arg-type]
     back.atexit = False
     return back
 

@@ -41,7 +41,9 @@ Placed = tuple[int, int, np.ndarray]
 @lru_cache(maxsize=16)
 def font_of(size: int) -> ImageFont.FreeTypeFont:
     """The font that comes with Pillow, so that captions look alike everywhere."""
-    return ImageFont.load_default(size)
+    font = ImageFont.load_default(size)
+    assert isinstance(font, ImageFont.FreeTypeFont)
+    return font
 
 
 @lru_cache(maxsize=1024)

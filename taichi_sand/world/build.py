@@ -48,8 +48,8 @@ SITES_PER_GRAIN = 4
 def lay_lattice(size: tuple[float, float], diameter: float, count: int) -> tuple[tuple[float, float], tuple[int, int]]:
     """Spacing [m] and number of lattice sites: about two grains wide, fewer in a large box."""
     width = max(2 * diameter, math.sqrt(size[0] * size[1] / (SITES_PER_GRAIN * count + 65536)))
-    sites = tuple(max(1, math.floor(side / width)) for side in size)
-    return tuple(side / n for side, n in zip(size, sites, strict=True)), sites
+    sites = max(1, math.floor(size[0] / width)), max(1, math.floor(size[1] / width))
+    return (size[0] / sites[0], size[1] / sites[1]), sites
 
 
 def check_periodic(scene: Any, pack: Pack, reach: float, gpu: bool) -> None:
@@ -118,13 +118,13 @@ def most_discs(pack: Pack) -> int:
     return max((len(form.discs) for form in pack.forms), default=1)
 
 
-def edges_of(scene: Any) -> dict[str, tuple[bool, ...]]:
+def edges_of(scene: Any) -> dict[str, Any]:
     """Which axes of the box are periodic (x, y), and which edges are open (left, right, bottom, top)."""
     edges = [getattr(scene.edges, side) for side in SIDES]
     return {"periodic": scene.periodic, "open_edges": tuple(edge == "open" for edge in edges)}
 
 
-def rows_of(sizes: Sizes, rooms: Rooms) -> dict[str, int]:
+def rows_of(sizes: Sizes, rooms: Rooms) -> dict[str, Any]:
     """How the rows of the neighbour list are shared out, as members of a world."""
     return {
         "half": sizes.half,

@@ -56,7 +56,7 @@ def save(path: str | Path, about: dict[str, Any], fields: dict[str, Any]) -> Non
     arrays = {name + part: array for name, field in fields.items() for part, array in read_field(field).items()}
     header = json.dumps({"format": FORMAT, "about": about, "sha256": digest(arrays)})
     with writing.replacing(path, whole_archive) as made, made.open("wb") as file:
-        np.savez_compressed(file, header=np.frombuffer(header.encode(), np.uint8), **arrays)
+        np.savez_compressed(file, **{"header": np.frombuffer(header.encode(), np.uint8), **arrays})  # type: ignore[arg-type]
 
 
 def whole_archive(path: Path) -> str:

@@ -5,6 +5,7 @@ import json
 import tempfile
 import time
 import tomllib
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
@@ -64,6 +65,7 @@ class Keeping(Commands):
     recorder: Recorder | None
     own: bool
     movie: Film | None
+    open: Callable[[], None]  # shows what is played now
 
     def _on_file(self, name: str, data: bytes) -> None:
         self.call("take_file", Path(name).suffix.lower(), data)

@@ -36,4 +36,6 @@ def fits(kind: Any, value: Any) -> bool:
     """Whether an argument is of its kind, and of a size that can be meant."""
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
         return False
-    return len(value) <= LONGEST if kind is str else kind is bool or abs(value) <= FARTHEST
+    if isinstance(value, str):
+        return len(value) <= LONGEST
+    return kind is bool or abs(value) <= FARTHEST

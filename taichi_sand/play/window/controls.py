@@ -71,10 +71,12 @@ class Controls(Commands):
             self.drag(self.window.screen.place(x, y))
 
     def _slide(self, x: float) -> None:
-        if all(other.key != self.zone.knob.key for other in self.session.knobs()):
+        zone = self.zone
+        assert zone and zone.knob
+        if all(other.key != zone.knob.key for other in self.session.knobs()):
             self.zone = None  # its effect has been undone under the hand
             return
-        self.slide(self.zone.knob, self.zone.share(x))
+        self.slide(zone.knob, zone.share(x))
 
     def _wheel(self, x: float, notches: int) -> None:
         if x >= self.window.screen.picture[0]:

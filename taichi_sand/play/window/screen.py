@@ -44,7 +44,7 @@ class Screen:
         self.size = (width + PANEL_WIDTH, max(self.picture[1], LEAST_HEIGHT))
         self.top = (self.size[1] - self.picture[1]) // 2
         self.panel = Panel(self.size[1])
-        self.painter: Painter | None = None
+        self.painter: Painter = None  # type: ignore[assignment]  # `ready` makes it
         self.lines: list = []
         self.stages: dict[str, float] = {}
         self.help = False
@@ -130,15 +130,15 @@ class Screen:
         session, width, height = self.session, *self.picture
         rows = canvas.reshape(self.size[1], self.size[0])[self.top : self.top + height, :width]
         part = np.ascontiguousarray(rows).reshape(-1)
-        active = session.stroke is not None
-        self.overlay.brush(part, *cursor, session.brush.size, "#F2A65A" if active else DIM)
-        if active:
-            path = [*session.stroke.path, np.array(cursor)]
+        stroke = session.stroke
+        self.overlay.brush(part, *cursor, session.brush.size, "#F2A65A" if stroke else DIM)
+        if stroke:
+            path = [*stroke.path, np.array(cursor)]
             self.overlay.path(part, np.array(path))
             now = session.sim.hand.now[None]
             if now.work == GRAB:
                 self.overlay.string(part, now.grain, *cursor)
-        name = session.stroke.tool.name if active else session.tool
+        name = stroke.tool.name if stroke else session.tool
         sheet = Sheet()
         at_x, at_y = cursor[0] * self.painter.scale, height - cursor[1] * self.painter.scale
         sheet.plate(at_x + 9, at_y - 24, spaced(name, 11)[1] + 10, 18, palette.GROUND, 4, 0.72)

@@ -69,7 +69,7 @@ class Window:
         title = f"taichi_sand: {self.session.sim.scene.title or self.name}"
         for left in reversed(range(TRIES)):  # a display server whose last window was closed may be starting afresh
             try:
-                self.gui = ti.GUI(title, self.screen.size, fast_gui=True)
+                self.gui = ti.GUI(title, self.screen.size, fast_gui=True)  # type: ignore[arg-type]
                 break
             except RuntimeError:
                 if not left:
@@ -174,7 +174,7 @@ class Window:
         for name, seconds in {**self.screen.stages, "show": time.perf_counter() - shown}.items():
             self.pace.stage(name, seconds)
         if due and self.report:
-            self._tell()
+            self._tell(self.report)
         if self.film and self.film.due:
             try:
                 self.film.frame(self.screen.painter.rgb(picture))
@@ -192,7 +192,7 @@ class Window:
         self.measured |= {"cost": pace.cost / session.sim.step, "stages": dict(pace.stages)}
         self.measured["given"] = session.sim.hand.now[None].given.to_list()
 
-    def _tell(self) -> None:
+    def _tell(self, report: Lines) -> None:
         """A line of the report: what the window shows at this moment."""
         session, screen = self.session, self.screen
         state = {
@@ -215,7 +215,7 @@ class Window:
             "picture": [0, screen.top, *screen.picture],
             "controls": screen.panel.places(),
         }
-        self._write(self.report.write, as_line(state))
+        self._write(report.write, as_line(state))
 
     def _write(self, write: Callable[..., None], *what: Any) -> None:
         """Writes to the report or the recording. That the disk takes no more is told, and told again at the end: the game goes on."""

@@ -203,7 +203,7 @@ def md_table(runs: int, counts: list[int], folder: Path | None) -> Table:
         title="10^6 grain-steps/s, one thread",
     )
     for count in counts:
-        jobs = {m: (1, "settling", count, ["solver.kind=md", f"effects.friction.model={m}"]) for m in ("viscous", "spring")}
+        jobs: dict[str, Any] = {m: (1, "settling", count, ["solver.kind=md", f"effects.friction.model={m}"]) for m in ("viscous", "spring")}
         if folder:
             jobs["native"] = (1, "native", str(folder / "floor_md"), count, ["-mode", "1"])
         found = medians(runs, jobs)
@@ -277,7 +277,7 @@ def main() -> None:
         return
     for count, (ladder, steps, programs) in FRONTS.items():
         if count <= given.most:
-            peers = {f"pymunk 1/{n} s": (1, "pymunk", count, 1 / n, 10) for n in steps}
+            peers: dict[str, Any] = {f"pymunk 1/{n} s": (1, "pymunk", count, 1 / n, 10) for n in steps}
             for options in programs if folder else ():
                 peers[f"floor_rigid {options}"] = (1, "native", str(folder / "floor_rigid"), count, options.split())
             console.print(rigid_table(runs, count, ladder, peers))

@@ -123,7 +123,7 @@ class Study:
 def spread(values: Sequence[float]) -> tuple[float, float, float]:
     """Lowest, median and highest of those that are numbers."""
     known = [v for v in values if not math.isnan(v)]
-    return (min(known), statistics.median(known), max(known)) if known else (math.nan,) * 3
+    return (min(known), statistics.median(known), max(known)) if known else (math.nan, math.nan, math.nan)
 
 
 def settings_of(scene: Any, ladder: Sequence[float], full: bool) -> list[Setting]:
@@ -213,7 +213,7 @@ def places(sim: Any, moment: float) -> np.ndarray:
 def relate(points: list[Point]) -> None:
     """Turns heights, packings and speeds of flows into errors: against the finest runs of the same kind of solver, seed by seed."""
     for name in ("height", "packing", "flow"):
-        finest = {}
+        finest: dict[str, list[float]] = {}
         for point in sorted(points, key=lambda p: (-p.setting.tolerance, p.setting.precision)):
             if not point.failure:
                 finest[point.setting.kind] = [run[name] for run in point.runs]
@@ -246,7 +246,7 @@ def study(
     """
     scene = make([])
     if seconds is None:
-        seconds = min(scene.duration, QUICK_SECONDS) if quick else scene.duration
+        seconds = min(float(scene.duration), QUICK_SECONDS) if quick else float(scene.duration)
     if seconds <= 0:
         raise SandError(f"--seconds {seconds:g} must be more than 0: cost is counted by the simulated second")
     runner = Runner(make, seconds, arch, threads)

@@ -26,7 +26,7 @@ def pyplot() -> Any:
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    plt.rcParams.update(TYPE)
+    plt.rcParams.update(TYPE)  # type: ignore[arg-type]
     return plt
 
 
@@ -37,7 +37,7 @@ def plot(study: Study, path: Path) -> None:
     rows = max(1, math.ceil(len(names) / COLUMNS))
     figure, panels = plt.subplots(rows, COLUMNS, figsize=(4.1 * COLUMNS, 3.1 * rows + 0.9), facecolor=GROUND, squeeze=False)
     families = list(dict.fromkeys(point.setting.family for point in study.points))
-    styles = {family: STYLES[k % len(STYLES)] for k, family in enumerate(families)}
+    styles: dict[str, tuple[str, str]] = {family: STYLES[k % len(STYLES)] for k, family in enumerate(families)}
     for panel in panels.flat[len(names) :]:
         panel.set_visible(False)
     for panel, name in zip(panels.flat, names, strict=False):

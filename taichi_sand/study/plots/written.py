@@ -95,13 +95,13 @@ def _netcdf(path: Path) -> Written:
 
     with xarray.open_dataset(path, engine="scipy") as found:
         last = found.isel(time=-1) if "time" in found.dims else found
-        return Written(path, {}, {}, profiles({name: last[name].values for name in (*last.data_vars, "y")}))
+        return Written(path, {}, {}, profiles({str(name): last[name].values for name in (*last.data_vars, "y")}))
 
 
 def _vtu(path: Path) -> Written:
     from meshio import vtu
 
-    found = vtu.read(path)  # meshio.read would end the process where it is none
+    found: Any = vtu.read(path)  # meshio.read would end the process where it is none
     y, rows = np.unique(found.points[:, 1], return_inverse=True)
     order, shape = np.argsort(rows, kind="stable"), (len(y), len(found.points) // len(y))
     arrays = {"y": y}

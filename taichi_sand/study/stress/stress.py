@@ -86,9 +86,10 @@ def run_all(asked: list[tuple[Case, str, float]], jobs: int, film: Path | None, 
         if pool:
             for (name, solver), those in groups.items():
                 waiting[pool.submit(run_named, name, solver, [asked[k][2] for k in those], film)] = those
-        for one in as_completed(waiting) if pool else groups.values():
-            those = waiting[one] if pool else one
-            done |= zip(those, one.result() if pool else (run(*asked[k], film) for k in those), strict=True)
+        parts: Any = as_completed(waiting) if pool else groups.values()
+        for part in parts:
+            those = waiting[part] if pool else part
+            done |= zip(those, part.result() if pool else (run(asked[k][0], asked[k][1], asked[k][2], film) for k in those), strict=True)
             if progress:
                 progress(len(done) / len(asked))
     return [done[k] for k in range(len(asked))]

@@ -13,7 +13,7 @@ def clipped_restitution(zeta: float) -> float:
 
 def zeta_for(restitution: float) -> float:
     """Damping ratio that gives `restitution` with the clipped linear law."""
-    return float(brentq(lambda z: clipped_restitution(z) - restitution, 1e-9, 1 - 1e-9))
+    return float(brentq(lambda z: clipped_restitution(z) - restitution, 1e-9, 1 - 1e-9))  # type: ignore[arg-type]
 
 
 def impact(mass: float, speed: float, k_r: float, k_d: float = 0.0, alpha: float = 0.0, beta: float = 1.0) -> dict[str, float]:
@@ -127,4 +127,5 @@ def slip_on_disc(spin: float, mu: float, r: float, r_base: float, g: float, time
         return [speed / path, g * np.sin(place) + push, 2 * push / r]
 
     done = solve_ivp(rate, (0, time), [0.0, 0.0, spin], rtol=1e-10, atol=1e-12, max_step=time / 500)
-    return tuple(float(v) for v in done.y[:, -1])
+    place, speed, turn = (float(v) for v in done.y[:, -1])
+    return place, speed, turn

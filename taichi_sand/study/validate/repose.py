@@ -185,7 +185,7 @@ def heaps(seeds: int) -> dict[tuple[str, str], Angle]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Prints the tables."""
-    parser = argparse.ArgumentParser(prog="python -m taichi_sand.study.validate.repose", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="python -m taichi_sand.study.validate.repose", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seeds", type=int, default=5, help="heaps and layers of each kind")
     parser.add_argument("--only", choices=("heaps", "layers"), help="one of the tables")
     options: Any = parser.parse_args(arguments)

@@ -44,7 +44,7 @@ def gas(seed: int = 3) -> tuple[list[Disc], float]:
     for k in range(400):
         place = (np.array([k % 20, k // 20]) + 0.5) * pitch + random.uniform(-0.2, 0.2, 2) * pitch
         angle = random.uniform(0, 2 * math.pi)
-        discs.append(Disc(*place, math.cos(angle), math.sin(angle)))
+        discs.append(Disc(float(place[0]), float(place[1]), math.cos(angle), math.sin(angle)))
     return discs, side
 
 
