@@ -1,4 +1,4 @@
-"""Walls in the water: they hold it, drive it, and let it seep below them."""
+"""Walls and boulders in the water: what holds it, drives it, and is as wide as its cells."""
 
 import math
 from typing import Any
@@ -78,3 +78,19 @@ def test_a_drum_keeps_its_water() -> None:
     place = places(sim)
     assert (np.hypot(*(place - 0.2).T) > 0.18).mean() < 0.01
     assert not [flag for flag in sim.flags() if "not finite" in flag]
+
+
+def test_boulders() -> None:
+    """Grains two and a half cells wide: one of half the density of water floats half under, a heavy one weighs what is left of it."""
+    wide = 0.03
+    stones = {"positions": [[0.007 * k + 0.005, 0.595] for k in range(80)], "radius": 0.003, "fixed": True}  # keep the cells small
+    boulders = [{"positions": [[x, y]], "radius": wide / 2, "density": rho} for x, y, rho in ((0.15, 0.4, 500.0), (0.45, 0.016, 2650.0))]
+    sim = wet(size=[0.6, 0.6], water=[{"region": [0.0, 0.0, 0.6, 0.4]}], grains=[stones, *boulders])
+    assert sim.pausing["water"].fluid.boulders
+    sim.advance(2.0)
+    heights = []
+    for _ in range(10):
+        sim.advance(0.05)
+        heights.append(sim.positions[-2, 1])
+    assert np.mean(heights) == pytest.approx(0.4, abs=0.1 * wide)
+    assert sim.report()["floor_force_N"] == pytest.approx((2650 - RHO) * math.pi * wide**2 / 4 * G, rel=0.02)

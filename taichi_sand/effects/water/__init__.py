@@ -4,10 +4,10 @@ Markers carry the water over a staggered grid (FLIP on a MAC grid), a projection
 Grains enter as porosity. The water pushes them by its pressure gradient, which is buoyancy too, and by drag; they push back just as much.
 A disc stands for a sphere in a slab one grain thick, so that porosities, drag and quicksand are those of spheres. The water acts at most
 1/120 s apart, and so often that none of it flows on by more than a cell; the grains' steps lie between. `[[water]]` says where it is at
-the start; cells should be three grains wide or more. Grains of several discs are to the water discs of the same area, and all of them
-should be smaller than a cell. Walls, still ones and those that move, hold and drive it as the edges of the box do. With the effect
-`moisture` what is under water is soaked, so that liquid bridges let go, takes up what they can hold, and comes out wet; that water is
-taken from the markers. A bed under water is lighter to the tolerance. Turbulence, capillarity and lubrication are left out.
+the start; cells should be three grains wide or more. Grains of several discs are to the water discs of the same area; those
+wider than a cell are felt over their own width. Walls, still ones and those that move, hold and drive it as the edges of the box do. With
+the effect `moisture` what is under water is soaked, so that liquid bridges let go, takes up what they can hold, and comes out wet; that
+water is taken from the markers. A bed under water is lighter to the tolerance. Turbulence, capillarity and lubrication are left out.
 """
 
 import math
@@ -18,6 +18,7 @@ import numpy as np
 import taichi as ti
 
 from taichi_sand.effects.base import Effect
+from taichi_sand.effects.water.boulders import WIDTH
 from taichi_sand.effects.water.drag import body_of, deal, feel, felt, under
 from taichi_sand.effects.water.grid import Fluid, allocate, plan
 from taichi_sand.effects.water.laws import LAWS
@@ -112,6 +113,7 @@ class Water(Effect):
         now.wells = len(wells)
         now.markers, now.marker, now.spread, now.law = len(place), share, spread, LAWS.index(values["drag"])
         structure = {"wraps": world.periodic, "opens": world.open_edges, "reach": max(1, math.ceil(1.5 * spread - 0.5))}
+        structure["boulders"] = widest(scene, grains) * WIDTH > spread * min(cells.width, cells.height)
         return (Fluid(**made, **structure, rigid=solver == "rigid", soaks=soaks, real=world.real),)
 
     @classmethod
@@ -176,6 +178,12 @@ class Water(Effect):
             "water_iterations": int(now.rounds),
             "water_step_s": float(now.step),
         }
+
+
+def widest(scene: Any, grains: Any) -> float:
+    """Diameter of the largest grain, or of what sources may make, as a disc of the same area [m]."""
+    made = [scene.form_of(table).size * table.radius[1] for table in scene.sources]
+    return 2 * max([float(grains.size.max(initial=0.0)), *made])
 
 
 @ti.kernel

@@ -9,11 +9,12 @@ import math
 
 import taichi as ti
 
+from taichi_sand.effects.water.boulders import deal_wide, depth_for, gather_wide, mean_speed, node_inside, width_of
 from taichi_sand.effects.water.grid import FLOWS, KAPPA, WALL, close_ring, corners, lerp, mirror
 from taichi_sand.effects.water.laws import LEAST_PORES, drag_of
 from taichi_sand.effects.water.soaking import row_of, soak
 from taichi_sand.taichi_support.noinline import noinline
-from taichi_sand.world.geometry import add, at_least, mobility, position, velocity
+from taichi_sand.world.geometry import add, at_least, at_most, mobility, position, velocity
 from taichi_sand.world.sleep.state import call
 
 DENSEST = 0.605
@@ -82,12 +83,6 @@ def reach_of(f: ti.template(), c: ti.template(), p):
 
 
 @ti.func
-def node_inside(i, last):
-    """Node i, or the nearest there is: of a grain far outside."""
-    return ti.max(1, ti.min(last, i))
-
-
-@ti.func
 def share_of(w: ti.template(), f: ti.template(), i):
     """Solid fraction that grain i would make of a cell."""
     _diameter, area = body_of(w, f, i)
@@ -143,11 +138,25 @@ def deal_solids(w: ti.template(), f: ti.template()):
         if w.grains.id[i] >= 0:
             share, p = share_of(w, f, i), middle_of(w, f, i)
             debt, gain = owed(w, f, i)
-            _diameter, area = body_of(w, f, i)
+            diameter, area = body_of(w, f, i)
             light = density * area * w.grains.mobility[i].x
             for c in ti.static(range(2)):
-                solid = ti.Vector([1.0, velocity(w, i)[c] + time * gain[c], light, debt[c]])
-                deal_to(f, c, ti.static((f.u, f.v)[c]).solid, reach_of(f, c, p), share * solid)
+                table = ti.static((f.u, f.v)[c].solid)
+                solid = share * ti.Vector([1.0, velocity(w, i)[c] + time * gain[c], light, debt[c]])
+                if is_boulder(f, diameter):
+                    if ti.static(f.boulders):
+                        deal_wide(f, c, table, p, width_of(f, diameter), solid)
+                else:
+                    deal_to(f, c, table, reach_of(f, c, p), solid)
+
+
+@ti.func
+def is_boulder(f: ti.template(), diameter):
+    """Whether a grain is dealt over its own width."""
+    found = False
+    if ti.static(f.boulders):
+        found = width_of(f, diameter) > f.now[None].spread
+    return found
 
 
 @ti.func
@@ -170,18 +179,37 @@ def deal_drag(w: ti.template(), f: ti.template()):
         if w.grains.id[i] >= 0:
             share, p, v = share_of(w, f, i), middle_of(w, f, i), velocity(w, i)
             diameter, _area = body_of(w, f, i)
-            reach_u, reach_v = reach_of(f, 0, p), reach_of(f, 1, p)
-            speed_u, crowd_u, own_u = around(f, f.u, reach_u, share)
-            speed_v, crowd_v, own_v = around(f, f.v, reach_v, share)
-            crowd, own = 0.5 * (crowd_u + crowd_v), 0.5 * (own_u + own_v)
-            slip = ti.Vector([speed_u - v.x, speed_v - v.y]).norm()
-            pores = at_least(LEAST_PORES, 1.0 - at_least(0.0, crowd - own) / (1.0 - own / DENSEST))
-            drag = drag_of(f, slip, pores, diameter)
-            w.carried.water_drag[i] = drag
-            if w.carried.water_wet[i] >= 0.0:
-                drag *= w.carried.water_wet[i]
-            deal_to(f, 0, f.u.drag, reach_u, share * drag * ti.Vector([1.0, v.x]))
-            deal_to(f, 1, f.v.drag, reach_v, share * drag * ti.Vector([1.0, v.y]))
+            if is_boulder(f, diameter):
+                if ti.static(f.boulders):
+                    width, speed, crowd, squares = width_of(f, diameter), ti.Vector([0.0, 0.0]), 0.0, 0.0
+                    for c in ti.static(range(2)):
+                        faces = ti.static((f.u, f.v)[c])
+                        speed[c] = mean_speed(f, c, faces.speed, p, width)
+                        solid, square = gather_wide(f, c, faces.solid, p, width)
+                        crowd, squares = crowd + 0.5 * solid[0], squares + 0.5 * square
+                    drag = drag_on(w, f, i, speed, crowd, share * squares)
+                    for c in ti.static(range(2)):
+                        deal_wide(f, c, ti.static((f.u, f.v)[c]).drag, p, width, share * drag * ti.Vector([1.0, v[c]]))
+            else:
+                reach_u, reach_v = reach_of(f, 0, p), reach_of(f, 1, p)
+                speed_u, crowd_u, own_u = around(f, f.u, reach_u, share)
+                speed_v, crowd_v, own_v = around(f, f.v, reach_v, share)
+                drag = drag_on(w, f, i, ti.Vector([speed_u, speed_v]), 0.5 * (crowd_u + crowd_v), 0.5 * (own_u + own_v))
+                deal_to(f, 0, f.u.drag, reach_u, share * drag * ti.Vector([1.0, v.x]))
+                deal_to(f, 1, f.v.drag, reach_v, share * drag * ti.Vector([1.0, v.y]))
+
+
+@ti.func
+def drag_on(w: ti.template(), f: ti.template(), i, speed, crowd, own):
+    """Drag on grain i in water of this speed, where grains fill `crowd` and it itself `own` of it; as far as it is under water."""
+    diameter, _area = body_of(w, f, i)
+    slip = (speed - velocity(w, i)).norm()
+    pores = at_least(LEAST_PORES, 1.0 - at_least(0.0, crowd - own) / (1.0 - own / DENSEST))
+    drag = drag_of(f, slip, pores, diameter)
+    w.carried.water_drag[i] = drag
+    if w.carried.water_wet[i] >= 0.0:
+        drag *= w.carried.water_wet[i]
+    return drag
 
 
 @ti.func
@@ -247,9 +275,19 @@ def feel(w: ti.template(), f: ti.template()):
     felt_of(f, f.v)
     for i in range(w.count[None]):
         p, v = middle_of(w, f, i), velocity(w, i)
-        across, up, depth = mean_of(f, 0, p), mean_of(f, 1, p), depth_at(f, p)
         diameter, _area = body_of(w, f, i)
-        wet = under(diameter, depth)
+        across, up, depth, wet = ti.Vector([0.0, 0.0]), ti.Vector([0.0, 0.0]), 0.0, 0.0
+        if is_boulder(f, diameter):
+            if ti.static(f.boulders):
+                width = width_of(f, diameter)
+                one, _squares = gather_wide(f, 0, f.u.felt, p, width)
+                two, _squares_too = gather_wide(f, 1, f.v.felt, p, width)
+                across, up = one.xy / ti.max(one.z, 1e-6), two.xy / ti.max(two.z, 1e-6)
+                wet = at_most(1.0, 0.5 * (one.z + two.z))
+                depth = depth_for(diameter, wet)
+        else:
+            across, up, depth = mean_of(f, 0, p), mean_of(f, 1, p), depth_at(f, p)
+            wet = under(diameter, depth)
         g.water_pull_x[i], g.water_pull_y[i] = across[0], up[0]
         g.water_stream_x[i], g.water_stream_y[i] = across[1], up[1]
         g.water_wet[i], g.water_depth[i] = wet, depth

@@ -104,6 +104,7 @@ class Fluid:
     reach: int  # nodes that it reaches either way
     rigid: bool  # whether contacts are impulses
     soaks: bool  # whether grains hold water of their own
+    boulders: bool  # whether some are as wide as cells
     real: Any
 
 

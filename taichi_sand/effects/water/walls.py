@@ -225,8 +225,8 @@ def own_side(f: ti.template(), p, shares):
 def kept_off(f: ti.template(), start, place, time):
     """Where a marker gets that wants from `start` to `place` within `time` [s] where there are walls, which move on meanwhile."""
     found = place
-    for _turn in ti.static(range(2)):  # in a corner off one wall, then off the other
-        line = line_at(f, found)
+    for part in ti.static((0.5, 1.0, 1.0)):  # nor through one that it only passes on the way; in a corner off one, then off the other
+        line = line_at(f, start + part * (found - start))
         if line.x != 0.0 or line.y != 0.0:
             before = line.x * start.x + line.y * start.y - line.z
             after = line.x * found.x + line.y * found.y - (line.z + line.w * time)

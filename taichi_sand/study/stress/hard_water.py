@@ -54,15 +54,17 @@ def wet(sim: Any, grains: int, water: float) -> Iterator[Gate]:
 
 
 def squeezed(sim: Any) -> Gate:
-    """How much of the water has no room in its cells."""
+    """How much less or more room than its volume the water takes: mean fill of the cells that have water all around them."""
     f = sim.pausing["water"].fluid
     now = f.now[None]
     shape = (now.columns + 2, now.rows + 2)
-    fill, pores, room = (
-        x.to_numpy()[: shape[0] * shape[1]].reshape(shape)[1:-1, 1:-1] for x in (f.cells.fill, f.cells.pores, f.cells.room)
+    fill, pores, kind = (
+        x.to_numpy()[: shape[0] * shape[1]].reshape(shape)[1:-1, 1:-1] for x in (f.cells.fill, f.cells.pores, f.cells.kind)
     )
-    over = (np.maximum(fill - 1.0 - 0.1 / pores**2, 0.0) * pores * room).sum()
-    return Gate("water squeezed together, over all of it", float(over / (fill * pores * room).sum()), 0.01)
+    wet = np.pad(kind == 1, 1, constant_values=True)
+    inner = np.lib.stride_tricks.sliding_window_view(wet, (3, 3)).all(axis=(2, 3))
+    mean = (fill * pores)[inner].sum() / pores[inner].sum() if inner.any() else 1.0
+    return Gate("volume of the water, off by", abs(float(mean) - 1.0), 0.01)
 
 
 def watched(sim: Any, seconds: float, grains: int, gain: float = 0.0) -> Iterator[Gate]:
