@@ -167,6 +167,26 @@ def test_walls_go_on_from_where_they_are() -> None:
     assert at[100][1][0, 1] - at[75][1][0, 1] == pytest.approx(-0.01, abs=1e-4)  # 1 Hz from 0.5 s on: from its crest to the middle
 
 
+def test_a_floor_that_sets_out_or_stops_keeps_its_load() -> None:
+    """What a wall bears is remembered where its motion or surface changes: forces of that step, and impulses of the next."""
+    events = [
+        {"name": "sinks", "at": 0.8, "set": {"walls.floor.velocity": [0.0, -0.002]}},
+        {"name": "rubs", "at": 0.9, "set": {"walls.floor.friction": 0.2}},
+        {"name": "stops", "at": 1.0, "set": {"walls.floor.velocity": [0.0, 0.0]}},
+    ]
+    walls = [{"points": [[0.0, 0.02], [0.1, 0.02]], "name": "floor", "friction": 0.5}]
+    grains = [{"radius": 0.005, "count": 30, "region": [0.0, 0.02, 0.1, 0.1]}]
+    sim = sand.Simulation(sand.Scene(size=[0.1, 0.2], grains=grains, walls=walls, events=events, effects={"friction": {}}), threads=1)
+    for event in events:
+        sim.advance_to(event["at"] - 1.5 * sim.step)
+        before = sim.wall_forces()["force"][0, 1]
+        assert sim.advance_until(event["name"], at_most=0.1)
+        assert before < -10.0 and sim.wall_forces()["force"][0, 1] == pytest.approx(before, rel=0.05)
+        sim.advance_steps(3)
+        assert sim.wall_forces()["force"][0, 1] == pytest.approx(before, rel=0.1)
+    assert sim.wall_forces()["name"][0] == "floor"
+
+
 NAMED = {"walls": [{"points": [[0.5, 0.0], [0.5, 1.0]], "name": "gate"}], "effects": {"friction": {}}}
 WRONG: dict[str, tuple[list[dict[str, Any]], str]] = {
     "no time": ([{"name": "a"}], "events[0].at is missing"),

@@ -13,7 +13,7 @@ from taichi_sand.scene import moving
 from taichi_sand.world.reading import read_columns
 from taichi_sand.world.walls.motion import hours
 
-WALL = np.dtype([("name", "U16"), ("force", np.float64, (2,)), ("torque", np.float64), ("contacts", np.int64)])
+WALL = np.dtype([("name", "U40"), ("force", np.float64, (2,)), ("torque", np.float64), ("contacts", np.int64)])
 """A row of `wall_forces`."""
 
 

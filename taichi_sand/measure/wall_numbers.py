@@ -30,8 +30,10 @@ class WallNumbers:
 
 
 def names(scene: Any) -> list[str]:
-    """What each wall is called, by number: `walls[k]` and the edges."""
-    return [f"walls[{k}]" for k in range(len(scene.walls))] + list(SIDES)
+    """What each wall is called, by number: its name, if no other has it, or `walls[k]`; and the edges."""
+    given = [wall.name for wall in scene.walls]
+    own = [name if name and name not in SIDES and given.count(name) == 1 else f"walls[{k}]" for k, name in enumerate(given)]
+    return own + list(SIDES)
 
 
 def wall_numbers(scene: Any, unit: float) -> WallNumbers:

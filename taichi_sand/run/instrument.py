@@ -46,7 +46,7 @@ class Instrument:
             return contacts(self)
 
     def wall_names(self) -> list[str]:
-        """What the walls are called, by their numbers: `walls[0]`, …, left, right, bottom, top."""
+        """What the walls are called, by their numbers: their `name` if no other has it, or `walls[0]`, …; left, right, bottom, top."""
         from taichi_sand.measure.wall_numbers import names
 
         return names(self.scene)

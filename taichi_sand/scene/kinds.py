@@ -56,8 +56,7 @@ Name = Annotated[str, BeforeValidator(_as_name)]
 Angle = Annotated[float | str, BeforeValidator(_as_angle)]
 Edge = Literal["wall", "open", "periodic"]
 Numeric = Literal["speed", "energy", "force", "pressure", "stress", "deviator", "rotation", "order", "temperature", "moisture"]
-OfWater = Literal["saturation", "water pressure", "water speed"]
-Color = Literal["kind", Numeric, OfWater, "photoelastic"]
+Color = Literal["kind", Numeric, "photoelastic"]
 
 
 def plain(value: Any) -> Any:

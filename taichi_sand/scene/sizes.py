@@ -58,6 +58,9 @@ class Sizes(Table):
             raise Wrong("low", f" = {show(low)} must be above 0 and below high = {show(high)}")
         return self
 
+    def __hash__(self) -> int:
+        return hash(tuple(self.__dict__.values()))  # a table does not change
+
     @staticmethod
     def _check_sieve(curve: tuple[tuple[float, float], ...]) -> None:
         if curve[0][0] <= 0 or any(b[0] <= a[0] or b[1] < a[1] for a, b in pairwise(curve)):

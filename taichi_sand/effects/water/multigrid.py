@@ -6,7 +6,6 @@ The multigrid joins 2 x 2 cells to one without smoothing (aggregation), makes up
 
 import taichi as ti
 
-from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.geometry import add
 
 WEAKER = 1.8
@@ -69,7 +68,7 @@ def smooth(f: ti.template(), level, forwards):
         wrap(f, cells.answer, level)
 
 
-@noinline
+@ti.func
 def coarsen(f: ti.template()):
     """The matrices of the coarser grids."""
     cells = ti.static(f.cells)
@@ -94,7 +93,7 @@ def coarsen(f: ti.template()):
         close_matrix(f, coarse)
 
 
-@noinline
+@ti.func
 def descend(f: ti.template()):
     """From the finest grid to the coarsest: smooths, and hands what is left to the next one."""
     cells = ti.static(f.cells)
@@ -118,7 +117,7 @@ def descend(f: ti.template()):
                         add(cells.rest, coarse[2] + (i + 1) // 2 * wide + (j + 1) // 2, left)
 
 
-@noinline
+@ti.func
 def ascend(f: ti.template()):
     """Back to the finest grid: takes over what the coarser one has found, and smooths."""
     cells = ti.static(f.cells)

@@ -190,26 +190,44 @@ def structure_fits(world: World, scene: Any) -> bool:
     return room and (world.movers.driven or not any(wall.force for wall in found))
 
 
+def places_now(parts: list[Part], walls: list[Any], times: Any) -> np.ndarray:
+    """Where parts are when the clocks of the moving `walls` show `times` [s]: point, direction and bounds, (parts, 6) [m]."""
+    found = np.array([[*part.point, *part.along, *part.bounds] for part in parts]).reshape(-1, 6)
+    for m, (wall, time) in enumerate(zip(walls, times, strict=True)):
+        rows = np.array([part.mover == m for part in parts])
+        cos, sin = np.cos(wall.spin * time), np.sin(wall.spin * time)
+        turn = np.array([[cos, sin], [-sin, cos]])
+        found[rows, :2] = (found[rows, :2] - moving.pivot(wall)) @ turn + moving.pivot_at(wall, float(time))
+        found[rows, 2:4] = found[rows, 2:4] @ turn
+        ends = rows & np.array([part.side == -1 for part in parts])
+        found[ends, 4:] = found[ends, 4:] @ turn
+    return found
+
+
 def change_walls(world: World, before: Any, after: Any, clocks: dict[str, np.ndarray] | None = None) -> None:
     """Puts the walls of scene `after` in the place of those of `before`, for the next list build; SandError if there is no room for them.
 
     What grains carry on parts that stay is remembered, and walls that move as they did go on from their `clocks`, those there are unless
     they are given.
     """
-    old, new = (wall_parts(scene, world.box[None].least) for scene in (before, after))
+    unit = world.box[None].least
+    old, new = (wall_parts(scene, unit) for scene in (before, after))
     entries = entries_of(world, new)
     if not fits(world.walls, new, entries):
         raise after.error("walls", "there is no room for so many walls in this simulation")
     wake(world)
-    numbers = np.append(renumber(old, new), -1)
+    clocks = clocks_of(world.movers) if clocks is None else clocks
+    here = places_now(old, moving_walls(before), clocks["age"] + clocks["since"] if clocks else ()) / unit
+    if world.moves:
+        go_on(world.movers, moving_walls(before), moving_walls(after), clocks)
+        write_parts(world.movers, new)
+        set_patience(world, after)
+    there = places_now(new, moving_walls(after), hours(world.movers) if world.moves else ()) / unit
+    numbers = np.append(renumber(old, new, here, there), -1)
     rows = world.pairs.second.to_numpy()
     start = world.pace[None].half * world.half + world.wall_base
     part = rows[start : start + world.wall_half]
     part[:] = numbers[np.where((part >= 0) & (part < len(old)), part, len(old))]
     world.pairs.second.from_numpy(rows)
     write_walls(world.walls, new, entries)
-    if world.moves:
-        go_on(world.movers, moving_walls(before), moving_walls(after), clocks_of(world.movers) if clocks is None else clocks)
-        write_parts(world.movers, new)
-        set_patience(world, after)
     world.pace[None].spent = 1

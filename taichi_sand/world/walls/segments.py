@@ -10,6 +10,8 @@ from taichi_sand.taichi_support import field_pool
 from taichi_sand.world.tables import LEAST_ROOM, round_up, write_rows
 from taichi_sand.world.walls.joints import FAR, Part
 
+SAME = 1e-5
+"""Parts that lie nowhere farther from one another than this, in diameters of the smallest grain, are one after a change."""
 ENTRIES_PER_PART = 8
 """Fewest lattice sites that a part is felt from, about."""
 
@@ -149,10 +151,21 @@ def write_walls(table: Walls, parts: list[Part], entries: list[np.ndarray]) -> N
         write_rows(table.material, np.array([part.material for part in parts]))
 
 
-def renumber(before: list[Part], after: list[Part]) -> np.ndarray:
-    """Number that each part of `before` has in `after`, -1 if it is not there; shape (parts,), i32."""
+def renumber(before: list[Part], after: list[Part], here: np.ndarray, there: np.ndarray) -> np.ndarray:
+    """Number that each part of `before` has in `after`, -1 if it is not there; shape (parts,), i32.
+
+    What has become of a part that is none of `after` as it was, such as of a wall that sets out, stops or changes its surface, is found by
+    where it lies now: `here` and `there` say that of both, (parts, 6), in diameters of the smallest grain.
+    """
     places: dict[bytes, list[int]] = {}
     for number, part in enumerate(after):
         places.setdefault(part.key(), []).insert(0, number)
     found = [places.get(part.key(), []) for part in before]
-    return np.array([numbers.pop() if numbers else -1 for numbers in found], np.int32)
+    numbers = np.array([those.pop() if those else -1 for those in found], np.int32)
+    left = np.setdiff1d(np.arange(len(after)), numbers)
+    for number in np.flatnonzero(numbers < 0):
+        same = np.flatnonzero((np.abs(there[left] - here[number]) < SAME).all(axis=1))
+        if len(same):
+            numbers[number] = left[same[0]]
+            left = np.delete(left, same[0])
+    return numbers
