@@ -31,8 +31,8 @@ def forces(rows: np.ndarray) -> np.ndarray:
     return rows["force_n"][:, None] * normal + rows["force_t"][:, None] * np.stack([-normal[:, 1], normal[:, 0]], axis=1)
 
 
-def imbalance(sim: Any) -> float:
-    """After one more step: by how much weight and contact forces of any grain miss its mass times acceleration, over its weight."""
+def missed(sim: Any) -> tuple[np.ndarray, np.ndarray]:
+    """After one more step, of every grain: by how much weight and contact forces miss its mass times acceleration (n, 2), and its mass."""
     before, step = sim.velocities, sim.step
     sim.advance_steps(1)
     assert sim.step == step
@@ -43,7 +43,12 @@ def imbalance(sim: Any) -> float:
     np.add.at(total, at, -push)
     np.add.at(total, np.searchsorted(sim.ids, rows["id2"][grains]), push[grains])
     total[:, 1] -= mass * G
-    rest = total - mass[:, None] * (sim.velocities - before) / step
+    return total - mass[:, None] * (sim.velocities - before) / step, mass
+
+
+def imbalance(sim: Any) -> float:
+    """The largest miss after one more step, over the weight of the grain."""
+    rest, mass = missed(sim)
     return float((np.abs(rest) / (mass[:, None] * G)).max())
 
 
@@ -100,6 +105,19 @@ def test_forces_are_mass_times_acceleration(poured) -> None:
     """Newton's second law for every grain and step, in flight, on impact, and at rest (f64)."""
     _, _, found = poured
     assert max(found) < 1e-10
+
+
+def test_in_32_bits_only_rounding_is_missed() -> None:
+    """Molecular dynamics: forces miss mass times acceleration by half a unit in the last place of the velocity that a step adds to, 7e-5 of
+    the weight at 2 m/s; by less than 1e-5 beside that, in flow and at rest.
+    """
+    sim = simulate([POURED], (0.3, 0.4), {"kind": "md", "precision": 32}, gravity=(0, -G), walls=FUNNEL, mu=0.4)
+    for seconds in (0.2, 0.15, 0.15, 0.5):
+        sim.advance(seconds)
+        before, step = np.abs(sim.velocities), sim.step
+        rest, mass = missed(sim)
+        unit = np.spacing(np.maximum(before, np.abs(sim.velocities)).astype(np.float32)).astype(float)
+        assert (np.abs(rest) <= mass[:, None] * (0.5 * unit / step + 1e-5 * G)).all()
 
 
 def test_walls_have_their_numbers(poured) -> None:

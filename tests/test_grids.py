@@ -11,40 +11,23 @@ import pytest
 import xarray
 from typer.testing import CliRunner
 
-import taichi_sand as sand
 from taichi_sand.cli.main import app
 from taichi_sand.output.grids import arrays_of
-
-SCENE = """
-size = [0.25, 0.3]
-duration = 0.1
-edges = { left = "periodic", right = "periodic" }
-[[grains]]
-radius = [0.008, 0.012]
-count = 30
-spin = 1.0
-[effects.friction]
-"""
+from tests.outputs import run, simulated
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A file of each kind, of a run each."""
     folder = tmp_path_factory.mktemp("fields")
-    (folder / "scene.toml").write_text(SCENE)
     for name in ("fields.nc", "fields.vtu", "many.pvd"):
-        done = CliRunner().invoke(
-            app, ["run", str(folder / "scene.toml"), "--every", "0.05", "--threads", "1", "--fields", str(folder / name)]
-        )
-        assert done.exit_code == 0, done.output
+        run(folder, 0.1, fields=name)
     return folder
 
 
 @pytest.fixture(scope="module")
 def sim() -> Any:
-    sim = sand.Simulation(sand.Scene(**__import__("tomllib").loads(SCENE)), threads=1)
-    sim.advance_to(0.1)
-    return sim
+    return simulated(0.1)
 
 
 def check(found: meshio.Mesh, fields: dict[str, np.ndarray]) -> None:

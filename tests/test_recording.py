@@ -4,10 +4,12 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import taichi_sand as sand
 from taichi_sand.play import recording
+from taichi_sand.play.actions import is_action
 from taichi_sand.play.session import Session
 
 
@@ -86,3 +88,47 @@ def test_damaged(recorded: bytes, how: str, tmp_path: Path) -> None:
         recording.read(path)
     assert "\n" not in str(caught.value)
     assert ("format 3" in str(caught.value)) == (how == "another version")
+
+
+def test_calls_from_python_are_done_again(tmp_path: Path) -> None:
+    """What a script does to the simulation of a session, out of `every` too, and takes back: to the same bits. What is refused is not
+    written down.
+    """
+    path = tmp_path / "it.record"
+    grains = [{"radius": 0.01, "count": 20, "fill": "lattice", "region": [0.0, 0.0, 0.2, 0.2]}]
+    session = Session(sand.Scene(size=[0.2, 0.3], grains=grains, effects={"friction": {}, "push": {}}), threads=1)
+    recorder, sim = recording.Recorder(session, path), session.sim
+    sim.advance(0.02)
+    ids = sim.add(np.array([[0.05, 0.28]]), radius=0.01, velocities=(0.0, -1.0))
+    sim.push(ids, force=(0.5, 0.0), torque=np.float32(1e-3))
+    late = sim.every(0.02, lambda sim: sim.count > 22 or sim.add([[0.15, 0.28]], radius=np.float32(0.01), velocities=[0.0, -1.0]))
+    session.advance(100)
+    late.stop()
+    session.do(["mark"])
+    sim.set("gravity", (1.0, -9.81))
+    sim.set_walls([{"points": [[0.0, 0.22], [0.05, 0.24]]}])
+    sim.advance(0.02)
+    session.do(["undo"])
+    assert session.sim.scene.gravity == (0.0, -9.81)
+    session.sim.remove([0])
+    session.sim.set_state([1], velocities=(0.0, 2.0))
+    with pytest.raises(sand.SandError):
+        session.sim.remove([0])
+    session.sim.advance_steps(50)
+    recorder.close()
+    verbs = [
+        action[1] if action[0] == "call" else action[0] for line in recording.read(path)[2] if isinstance(line, list) for action in line[0]
+    ]
+    assert verbs == ["add", "push", "add", "add", "mark", "set", "set_walls", "undo", "remove", "set_state"]
+    end = session.digest(), session.sim.steps, session.sim.ids.tolist()
+    del sim
+    session.drop()  # Taichi has one number of threads at a time
+    *_, (again, _) = recording.replay(recording.read(path), path, "cpu", 2)
+    assert (again.digest(), again.sim.steps, again.sim.ids.tolist()) == end
+
+
+@pytest.mark.parametrize(
+    "given", [["sit", {}], ["add", []], ["add", {"size": 1}], ["add", {}], ["retune", {"scene": 1}], [[], {}], ["set"]]
+)
+def test_calls_that_are_none(given: list) -> None:
+    assert not is_action(["call", *given]) and is_action(["call", "renew", {}])

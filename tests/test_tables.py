@@ -12,18 +12,9 @@ from typer.testing import CliRunner
 import taichi_sand as sand
 from taichi_sand.cli.main import app
 from taichi_sand.output import tables
+from tests.outputs import run, simulated
 from tests.test_writing import disk_of
 
-SCENE = """
-size = [0.25, 0.3]
-duration = 0.3
-edges = { left = "periodic", right = "periodic" }
-[[grains]]
-radius = [0.008, 0.012]
-count = 30
-spin = 1.0
-[effects.friction]
-"""
 NAMES = "time id1 id2 pos1_x pos1_y pos2_x pos2_y contact_point_x contact_point_y normal_x normal_y".split()
 NAMES += "force_normal force_tangential overlap history bridge".split()
 READ = {".csv": pd.read_csv, ".parquet": pd.read_parquet}
@@ -33,19 +24,14 @@ READ = {".csv": pd.read_csv, ".parquet": pd.read_parquet}
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Both tables in both formats, of one run each."""
     folder = tmp_path_factory.mktemp("tables")
-    (folder / "scene.toml").write_text(SCENE)
     for ending in READ:
-        files = ("--contacts", str(folder / f"contacts{ending}"), "--series", str(folder / f"series{ending}"))
-        done = CliRunner().invoke(app, ["run", str(folder / "scene.toml"), "--every", "0.05", "--threads", "1", *files])
-        assert done.exit_code == 0, done.output
+        run(folder, 0.3, contacts=f"contacts{ending}", series=f"series{ending}")
     return folder
 
 
 @pytest.fixture(scope="module")
 def sim() -> Any:
-    sim = sand.Simulation(sand.Scene(**__import__("tomllib").loads(SCENE)), threads=1)
-    sim.advance_to(0.3)
-    return sim
+    return simulated(0.3)
 
 
 @pytest.mark.parametrize("ending", READ)

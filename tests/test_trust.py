@@ -24,7 +24,8 @@ from taichi_sand.files import memory
 from taichi_sand.files.reading import MOST_BYTES
 from taichi_sand.play import actions, recording
 from taichi_sand.play import files as played
-from taichi_sand.play.session import VERBS, Session
+from taichi_sand.play.session import Session
+from taichi_sand.play.verbs import VERBS
 from taichi_sand.run import rooms, trust
 from taichi_sand.scene.packing import most_grains, pack
 from taichi_sand.world import checkpoint

@@ -13,7 +13,7 @@ from taichi_sand import effects
 from taichi_sand.cli import check, leaving, plot, printing, study, sweep, warm
 from taichi_sand.cli.export import Outputs
 from taichi_sand.cli.leaving import in_one_sentence
-from taichi_sand.cli.options import Arch, Effects, Overrides, Precision, SceneName, Seconds, Threads, check_seconds, progress_bar
+from taichi_sand.cli.options import Arch, Effects, Overrides, Precision, SceneName, Seconds, Threads, check_seconds, progress_bar, settings
 from taichi_sand.errors import PhysicsError, SandError
 from taichi_sand.files import jsons, writing
 from taichi_sand.files.reading import starts_with
@@ -75,7 +75,7 @@ def run(
         if save is not None:
             writing.check(save, "--save")
         outputs = Outputs(out, every, contacts, series, fields)
-        asked = _overrides(overrides, **{"solver.precision": precision})
+        asked = settings(overrides, precision)
         sim = _start(scene, asked, effect, arch, threads) if resume is None else _resume(resume, scene, asked, effect, arch, threads)
         with outputs.of(sim), progress_bar(sim.scene.title or "run", printing.stage_of(sim)) as progress:
             if seconds is None:
@@ -127,7 +127,7 @@ def render(
             _film_recording(Path(scene), out, fps, width, arch, threads)
             return
         view = {"view.fps": fps, "view.width": width, "view.color": color}
-        loaded = taichi_sand.load(scene, _overrides(overrides, **view, **{"solver.precision": precision}), effect or ())
+        loaded = taichi_sand.load(scene, settings(overrides, precision, **view), effect or ())
         from taichi_sand.output.film import check, film
 
         check(out)
@@ -173,7 +173,7 @@ def play(
 ) -> None:
     """Opens a window to watch and change the simulation, and to reach into it; `h` shows the keys."""
     with in_one_sentence():
-        loaded = taichi_sand.load(scene, _overrides(overrides, **{"solver.precision": precision}))
+        loaded = taichi_sand.load(scene, settings(overrides, precision))
         for option, path in (("--folder", folder / "any"), ("--report", report), ("--record", record)):
             if path is not None:
                 writing.check(path, option)
@@ -224,17 +224,12 @@ def effects_(
     """Shows what a scene compiles and allocates, what it leaves out, and what each effect costs."""
     with in_one_sentence():
         check_seconds(seconds)
-        loaded = taichi_sand.load(scene, _overrides(overrides, **{"solver.precision": precision}), effect or ())
+        loaded = taichi_sand.load(scene, settings(overrides, precision), effect or ())
         from taichi_sand.study.cost import price
 
         sim = taichi_sand.Simulation(loaded, arch=arch, threads=threads)
         prices = price.measure(loaded, seconds, arch, threads) if measure else {}
         printing.print_effects(loaded, price.inventory(sim), price.table_bytes(sim), prices)
-
-
-def _overrides(given: list[str] | None, **flags: Any) -> list[str]:
-    """`--set` overrides, and flags that stand for one, by the key they set; None = not given."""
-    return [*(given or ()), *(f"{key}={value}" for key, value in flags.items() if value is not None)]
 
 
 def _start(scene: str | None, overrides: list[str], own: list[Path] | None, arch: str, threads: int | None) -> Any:

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -39,6 +39,12 @@ def progress_bar(label: str, more: Callable[[], str] = str) -> Iterator[Callable
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(label, total=1.0)
         yield lambda share: bar.update(task, completed=share, description=label + more())
+
+
+def settings(overrides: list[str] | None, precision: int | None, **flags: Any) -> list[str]:
+    """What `--set` gives, and flags that stand for a key each; None = not given."""
+    named = {"solver.precision": precision, **flags}
+    return [*(overrides or ()), *(f"{key}={value}" for key, value in named.items() if value is not None)]
 
 
 def check_seconds(seconds: float | None) -> None:

@@ -8,7 +8,7 @@ import typer
 import taichi_sand
 from taichi_sand.cli.check import SceneNames
 from taichi_sand.cli.leaving import in_one_sentence
-from taichi_sand.cli.options import Arch, Overrides, Precision, Threads, progress_bar
+from taichi_sand.cli.options import Arch, Overrides, Precision, Threads, progress_bar, settings
 from taichi_sand.scene import loading
 from taichi_sand.scene.schema import Scene
 
@@ -23,7 +23,7 @@ def warm(
 ) -> None:
     """Compiles scenes ahead, all bundled ones if none is given: `run`, `render` and `play` then find their kernels in Taichi's cache."""
     with in_one_sentence():
-        given = [*(overrides or ()), *([f"solver.precision={precision}"] if precision else ())]
+        given = settings(overrides, precision)
         loaded = [taichi_sand.load(name, given) for name in scenes or loading.bundled()]
         start = time.perf_counter()
         with progress_bar("warm") as progress:

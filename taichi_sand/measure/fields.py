@@ -32,6 +32,7 @@ MASS, MX, MY, XX, XY, YY, AREA, SXX, SXY, SYX, SYY, BX, BY = range(13)
 COLUMNS = 13
 
 Rows = ti.types.ndarray(dtype=ti.f64, ndim=2)
+Line = ti.types.ndarray(dtype=ti.f64, ndim=1)
 Sums = ti.types.ndarray(dtype=ti.f64, ndim=3)
 
 
@@ -56,40 +57,61 @@ def span_of(place, low, step, reach, count, wraps):
 
 
 @ti.func
-def spread(sums: ti.template(), grid: ti.template(), wraps_x, wraps_y, x, y, amount: ti.template(), first: ti.template()):
-    """Spreads `amount`, a vector for the columns from `first` on, around (x, y). `grid`: low x, low y, step x, step y, c."""
+def wrapped(k, count):
+    """Number of a point that may lie beyond the ends; a remainder takes longer than all else that is done with it."""
+    at = k
+    if k < 0 or k >= count:
+        at = k % count
+    return at
+
+
+@ti.func
+def spread(
+    sums: ti.template(), grid: ti.template(), shares: ti.template(), wraps_x, wraps_y, x, y, amount: ti.template(), first: ti.template()
+):
+    """Spreads `amount`, a vector for the columns from `first` on, around (x, y). `grid`: low x, low y, step x, step y, c; `shares` is room
+    for what each point gets.
+    """
     reach = grid[4]
-    x0, x1 = span_of(x, grid[0], grid[2], reach, sums.shape[1], wraps_x)
     y0, y1 = span_of(y, grid[1], grid[3], reach, sums.shape[0], wraps_y)
-    total = ti.cast(0.0, ti.f64)
-    for turn in range(2):
+    total, many = ti.cast(0.0, ti.f64), 0
+    for row in range(y0, y1 + 1):
+        dy = grid[1] + row * grid[3] - y
+        across = ti.sqrt(ti.max(reach * reach - dy * dy, 0.0))
+        x0, x1 = span_of(x, grid[0], grid[2], across, sums.shape[1], wraps_x)
+        for column in range(x0, x1 + 1):
+            dx = grid[0] + column * grid[2] - x
+            value = lucy(dx * dx + dy * dy, reach)
+            shares[many] = value
+            total += value
+            many += 1
+    if total > 0.0:
+        part = amount / total
+        many = 0
         for row in range(y0, y1 + 1):
             dy = grid[1] + row * grid[3] - y
-            at_y = row % sums.shape[0]
+            across = ti.sqrt(ti.max(reach * reach - dy * dy, 0.0))
+            x0, x1 = span_of(x, grid[0], grid[2], across, sums.shape[1], wraps_x)
+            at_y = wrapped(row, sums.shape[0])
             for column in range(x0, x1 + 1):
-                dx = grid[0] + column * grid[2] - x
-                value = lucy(dx * dx + dy * dy, reach)
-                if turn == 0:
-                    total += value
-                elif value > 0.0:
-                    at_x = column % sums.shape[1]
-                    for k in ti.static(range(amount.n)):
-                        sums[at_y, at_x, first + k] += value / total * amount[k]
-    return total
+                at_x = wrapped(column, sums.shape[1])
+                for k in ti.static(range(amount.n)):
+                    sums[at_y, at_x, first + k] = sums[at_y, at_x, first + k] + shares[many] * part[k]
+                many += 1
 
 
 @ti.kernel
-def spread_grains(sums: Sums, grid: ti.types.ndarray(dtype=ti.f64, ndim=1), wraps_x: ti.i32, wraps_y: ti.i32, grains: Rows):
+def spread_grains(sums: Sums, grid: Line, shares: Line, wraps_x: ti.i32, wraps_y: ti.i32, grains: Rows):
     """Columns MASS to AREA; a row of `grains` is x, y, mass, velocity x, y, area."""
     ti.loop_config(serialize=True)
     for i in range(grains.shape[0]):
         m, u, v = grains[i, 2], grains[i, 3], grains[i, 4]
         amount = ti.Vector([m, m * u, m * v, m * u * u, m * u * v, m * v * v, grains[i, 5]])
-        spread(sums, grid, wraps_x, wraps_y, grains[i, 0], grains[i, 1], amount, MASS)
+        spread(sums, grid, shares, wraps_x, wraps_y, grains[i, 0], grains[i, 1], amount, MASS)
 
 
 @ti.kernel
-def spread_branches(sums: Sums, grid: ti.types.ndarray(dtype=ti.f64, ndim=1), wraps_x: ti.i32, wraps_y: ti.i32, branches: Rows):
+def spread_branches(sums: Sums, grid: Line, shares: Line, wraps_x: ti.i32, wraps_y: ti.i32, branches: Rows):
     """Columns SXX to SYY; a row of `branches` is x, y of the centre, x, y from there to the contact, force x, y on the grain."""
     ti.loop_config(serialize=True)
     for i in range(branches.shape[0]):
@@ -99,15 +121,15 @@ def spread_branches(sums: Sums, grid: ti.types.ndarray(dtype=ti.f64, ndim=1), wr
         amount = share * ti.Vector([bx * fx, by * fx, bx * fy, by * fy])
         for k in range(2 * pieces):
             s = (k // 2 + 0.5 + (TWO_POINTS if k % 2 == 1 else -TWO_POINTS)) / pieces
-            spread(sums, grid, wraps_x, wraps_y, branches[i, 0] + s * bx, branches[i, 1] + s * by, amount, SXX)
+            spread(sums, grid, shares, wraps_x, wraps_y, branches[i, 0] + s * bx, branches[i, 1] + s * by, amount, SXX)
 
 
 @ti.kernel
-def spread_pushes(sums: Sums, grid: ti.types.ndarray(dtype=ti.f64, ndim=1), wraps_x: ti.i32, wraps_y: ti.i32, pushes: Rows):
+def spread_pushes(sums: Sums, grid: Line, shares: Line, wraps_x: ti.i32, wraps_y: ti.i32, pushes: Rows):
     """Columns BX and BY; a row of `pushes` is x, y of a contact, force x, y on the grain."""
     ti.loop_config(serialize=True)
     for i in range(pushes.shape[0]):
-        spread(sums, grid, wraps_x, wraps_y, pushes[i, 0], pushes[i, 1], ti.Vector([pushes[i, 2], pushes[i, 3]]), BX)
+        spread(sums, grid, shares, wraps_x, wraps_y, pushes[i, 0], pushes[i, 1], ti.Vector([pushes[i, 2], pushes[i, 3]]), BX)
 
 
 def points(size: np.ndarray, periodic: tuple[bool, bool], spacing: float, width: float) -> tuple[list[np.ndarray], np.ndarray]:
@@ -137,12 +159,12 @@ def fields(state: dict[str, np.ndarray], rows: np.ndarray, box: dict[str, Any], 
     """
     axes, grid = points(np.array(box["size"]), box["periodic"], spacing, width)
     wraps = [int(one) for one in box["periodic"]]
-    sums = np.zeros((len(axes[1]), len(axes[0]), COLUMNS))
+    sums, shares = np.zeros((len(axes[1]), len(axes[0]), COLUMNS)), np.empty(int(np.prod(2 * width / grid[2:4] + 2)))
     grains = np.column_stack([state["position"], state["mass"], state["velocity"], state["area"]])
-    spread_grains(sums, grid, *wraps, np.ascontiguousarray(grains))
+    spread_grains(sums, grid, shares, *wraps, np.ascontiguousarray(grains))
     branches, pushes = branches_of(state, rows, box)
-    spread_branches(sums, grid, *wraps, branches)
-    spread_pushes(sums, grid, *wraps, pushes)
+    spread_branches(sums, grid, shares, *wraps, branches)
+    spread_pushes(sums, grid, shares, *wraps, pushes)
     sums /= grid[2] * grid[3]
     return {"x": axes[0], "y": axes[1], **named(sums)}
 

@@ -6,7 +6,7 @@ have a mass and no size, are left out: every particle is a disc that can be seen
 velocities are those of the discs, moments of inertia are of each disc about its own centre: so momentum and kinetic energy of the
 particles are those of the clump wherever its discs do not overlap.
 
-Contacts of grains (measure/contacts.py) are bonds between the two discs that touch; bonds of the type `bridge` have a liquid bridge, which
+Contacts of grains (measure/pairs.py) are bonds between the two discs that touch; bonds of the type `bridge` have a liquid bridge, which
 may also pull without touching. `log/particles/force` is the sum of the contact forces on a disc, those of walls included.
 
 The box is the scene's, with its centre as the origin: a place in the scene is the position plus `log/shift`. Over a periodic edge
@@ -18,16 +18,40 @@ import json
 from typing import Any
 
 import numpy as np
+import taichi as ti
 
-from taichi_sand.measure.contacts import CONTACT, WORDS, contacts
-from taichi_sand.scene.shapes import mass
+from taichi_sand.measure.contacts import sort_by_ids
+from taichi_sand.measure.discs import Kinds
+from taichi_sand.measure.pairs import (
+    BRIDGE,
+    DISCS,
+    MORE,
+    NORMAL,
+    ONE,
+    OVERLAP,
+    PART,
+    PUSH,
+    ROW,
+    SLIDE,
+    STATE,
+    TWO,
+    Exacts,
+    Wholes,
+    pairs_of,
+    place,
+    real_of,
+)
 from taichi_sand.taichi_support.host_access import reader
+from taichi_sand.world.clumps import disc_around, discs_around
+from taichi_sand.world.geometry import mobility, perp, spin, velocity
 
-COLUMNS = ("site", "offset", "shift", "twist", "angle", "turn", "radius", "mobility", "id", "kind")
-"""Of the table of grains that a frame is made from."""
-COLUMN = {name: CONTACT.fields[name][1] // 8 for name in ("force_n", "force_t", "overlap")}  # type: ignore[index]
-COLUMN |= {f"normal_{axis}": CONTACT.fields["normal"][1] // 8 + k for k, axis in enumerate("xy")}  # type: ignore[index]
-"""Where the numbers of a contact stand, all of 8 bytes; the first are id1, id2, disc1, disc2, bridge."""
+Integers = ti.types.ndarray(dtype=ti.i32, ndim=1)
+Couples, Names, Turns, Vectors, Energies = (
+    ti.types.ndarray(dtype=ti.types.vector(width, kind), ndim=1)
+    for width, kind in ((2, ti.i32), (3, ti.i32), (2, ti.f32), (3, ti.f32), (2, None))
+)
+TYPE, BODY, ID = range(3)
+"""Names of a particle."""
 
 
 def words(lines: list[str]) -> np.ndarray:
@@ -37,189 +61,228 @@ def words(lines: list[str]) -> np.ndarray:
     return rows.view(np.int8).reshape(len(lines), longest)
 
 
-class Kinds:
-    """The kinds of grains of a scene, a table of grains or sources each: what all their grains have in common."""
-
-    def __init__(self, scene: Any) -> None:
-        tables = (*scene.grains, *scene.sources)
-        forms = [scene.form_of(table) for table in tables]
-        self.many = np.array([len(form.discs) for form in forms] or [1])  # discs
-        self.start = np.cumsum(self.many) - self.many
-        self.discs = np.concatenate([form.discs for form in forms] or [[[0.0, 0.0, 1.0]]])  # x, y, radius over that of the grain
-        self.clumps = bool((self.many > 1).any())
-        self.dense = np.array([mass(form, np.ones(1), table.density)[0] for form, table in zip(forms, tables)] or [1.0])  # mass / radius²
-        names = [f"grains[{k}]" for k in range(len(scene.grains))] + [f"sources[{k}]" for k in range(len(scene.sources))]
-        shapes = [json.dumps({"type": "Sphere", "diameter": 2 * mean_radius(table)}) for table in tables]
-        self.chunks = {"configuration/dimensions": np.array([2], np.uint8), "bonds/types": words(["contact", "bridge"])}
-        self.chunks |= {"particles/types": words(names or ["A"]), "particles/type_shapes": words(shapes or ["{}"])}
-
-
 def mean_radius(table: Any) -> float:
     """Of the discs of a table of grains or sources [m]; 0 if it has none."""
     return float(np.mean(table.radius or [row[2] for row in table.positions if len(row) > 2] or [0.0]))
+
+
+def chunks_of_scene(scene: Any) -> dict[str, np.ndarray]:
+    """The chunks that are the same in all frames."""
+    tables = (*scene.grains, *scene.sources)
+    names = [f"grains[{k}]" for k in range(len(scene.grains))] + [f"sources[{k}]" for k in range(len(scene.sources))]
+    shapes = [json.dumps({"type": "Sphere", "diameter": 2 * mean_radius(table)}) for table in tables]
+    return {
+        "configuration/dimensions": np.array([2], np.uint8),
+        "configuration/box": np.array([*scene.size, 0, 0, 0, 0], np.float32),
+        "bonds/types": words(["contact", "bridge"]),
+        "particles/types": words(names or ["A"]),
+        "particles/type_shapes": words(shapes or ["{}"]),
+    }
+
+
+@ti.func
+def centred(x, size, wraps: ti.template()):
+    """A place from the centre of the box, along one axis, f32; over a periodic edge it is folded into the box."""
+    shifted = x
+    if ti.static(wraps):
+        shifted -= ti.floor(x / size) * size
+    found = ti.cast(shifted - 0.5 * size, ti.f32)
+    if ti.static(wraps):
+        if found >= ti.cast(0.5 * size, ti.f32):  # rounded up
+            found = ti.cast(-0.5 * size, ti.f32)
+    return found
+
+
+@ti.kernel
+def lay_grains(
+    w: ti.template(),
+    first: Integers,
+    numbers: ti.types.ndarray(ndim=1),
+    names: Names,
+    slots: Integers,
+    masses: Vectors,
+    positions: Vectors,
+    velocities: Vectors,
+    turns: Turns,
+    energies: Energies,
+    real: ti.template(),
+):
+    """The discs of all grains, a row each, those of a grain from row first[id] on: names, see TYPE; the grain's slot; mass, diameter and
+    moment of inertia; position; velocity; half the angle, and spin; kinetic and potential energy, with the first disc of each grain.
+
+    `numbers`: size of the box, gravity, then mass / radius² of each kind.
+    """
+    ti.loop_config(serialize=w.serial)
+    for i in range(w.count[None]):
+        id = w.grains.id[i]
+        if id >= 0:
+            x, v, turning, give, kind = place(w, i, real), velocity(w, i), spin(w, i), mobility(w, i), w.grains.kind[i]
+            mass, free, inertia = numbers[4 + kind] * ti.cast(w.grains.radius[i], real) ** 2, ti.cast(0.0, real), ti.cast(0.0, real)
+            if give.x > 0.0:
+                mass = 1.0 / ti.cast(give.x, real)
+                free = mass
+            if give.z > 0.0:
+                inertia = 1.0 / ti.cast(give.z, real)
+            half = 0.5 * (ti.cast(w.grains.angle[i], real) + ti.cast(w.grains.turn[i], real))
+            many, area, nothing = discs_around(w, i), ti.cast(0.0, real), ti.cast(0.0, real)
+            for k in range(many):
+                area += ti.cast(disc_around(w, i, k).z, real) ** 2
+            for k in range(many):
+                row, disc = first[id] + k, disc_around(w, i, k)
+                own, reach = v + turning * perp(disc.xy), ti.cast(disc.z, real)
+                share = mass * reach * reach / area
+                names[row] = ti.Vector([kind, id if many > 1 else -1, id])
+                slots[row] = i
+                across = centred(x.x + disc.x, numbers[0], ti.static(w.periodic[0]))
+                up = centred(x.y + disc.y, numbers[1], ti.static(w.periodic[1]))
+                positions[row] = ti.Vector([across, up, ti.cast(0.0, ti.f32)])
+                velocities[row] = ti.cast(ti.Vector([own.x, own.y, 0.0]), ti.f32)
+                turns[row] = ti.cast(ti.Vector([half, turning]), ti.f32)
+                masses[row] = ti.cast(ti.Vector([share, 2.0 * reach, 0.5 * share * reach * reach]), ti.f32)
+                energies[row] = ti.Vector([nothing, nothing])
+            speed, turned = ti.cast(v, real), ti.cast(turning, real)
+            kinetic = 0.5 * (free * speed.dot(speed) + inertia * turned * turned)
+            energies[first[id]] = ti.Vector([kinetic, -free * (x.x * numbers[2] + x.y * numbers[3])])
+
+
+@ti.func
+def push_on(force: ti.template(), row, push, alone: ti.template()):
+    """Adds a force to those on a particle."""
+    for c in ti.static(range(2)):
+        if ti.static(alone):
+            force[row][c] = force[row][c] + ti.cast(push[c], ti.f32)
+        else:
+            ti.atomic_add(force[row][c], ti.cast(push[c], ti.f32))
+
+
+@ti.kernel
+def lay_bonds(
+    whole: Wholes,
+    exact: Exacts,
+    particles: Integers,
+    first: Integers,
+    order: Integers,
+    group: Couples,
+    bridges: Integers,
+    numbers: ti.types.ndarray(dtype=ti.f32, ndim=2),
+    force: Vectors,
+    alone: ti.template(),
+):
+    """Contacts of grains as bonds, in the order of `contacts`: group (n, 2), bridges (n,) and numbers (3, n): normal and tangential force,
+    and overlap; there are first[-2] of them. `force` (n, 3): the sum of the forces on each, those of walls included. The particles
+    of a grain begin at particles[id].
+    """
+    sort_by_ids(whole, exact, order, exact, first, order, False, alone)
+    ti.loop_config(serialize=alone)
+    for k in range(whole.shape[0]):
+        row, x = whole[k], exact[k]
+        along = ti.Vector([x[NORMAL], x[NORMAL + 1]])
+        size = ti.Vector([x[PUSH] + x[MORE], x[SLIDE] + x[MORE + 1]])
+        push = size.x * along + size.y * perp(along)
+        if row[TWO] >= 0:
+            m = row[ROW]
+            one, two = particles[row[ONE]] + row[DISCS] // PART, particles[row[TWO]] + row[DISCS] % PART
+            group[m] = ti.Vector([one, two])
+            bridges[m] = row[STATE] & BRIDGE
+            numbers[0, m], numbers[1, m], numbers[2, m] = ti.cast(size.x, ti.f32), ti.cast(size.y, ti.f32), ti.cast(x[OVERLAP], ti.f32)
+            push_on(force, one, -push, alone)
+            push_on(force, two, push, alone)
+        else:
+            push_on(force, particles[row[ONE]] + row[DISCS] // PART, -push, alone)
 
 
 class Frames:
     """Makes the frames of a simulation."""
 
     def __init__(self, sim: Any) -> None:
-        self.kinds = Kinds(sim.scene)
+        self.kinds, self.chunks = Kinds(sim.scene), chunks_of_scene(sim.scene)
         self.world: Any = None
-        self.ids, self.order = np.empty(0, np.int32), np.empty(0, int)
-        self.seen: list[np.ndarray] = [np.empty(0)] * 4
+        self.ids, self.first, self.many = np.empty(0, np.int32), np.zeros(1, np.int32), 0
+        self.seen: list[np.ndarray] = []
         self.last: dict[str, np.ndarray] = {}
 
-    def table(self, sim: Any) -> dict[str, np.ndarray]:
-        """The grains present, by id: SI, f64."""
+    def find_rows(self, sim: Any) -> None:
+        """Where the particles of each grain begin, by id, and how many there are."""
         if sim.world is not self.world:  # tables that have grown are others
             self.world = sim.world
-            self.columns = {name: reader(getattr(sim.world.grains, name)) for name in COLUMNS}
+            self.read_ids, self.read_kinds = reader(sim.world.grains.id), reader(sim.world.grains.kind)
             carried = sim.world.carried._asdict() if sim.world.carried else {}
-            self.columns |= {f"log/particles/{name}": reader(column) for name, column in carried.items()}
-            self.asleep = reader(sim.world.sleep.mobility) if sim.world.sleeps else None
-            self.spacing = np.array(sim.world.box[None].spacing.to_list())
+            self.carried = {f"log/particles/{name}": reader(column) for name, column in carried.items()}
         count = sim.count
-        ids = self.columns["id"]()[:count]
-        if not np.array_equal(ids, self.ids):  # list builds move grains
-            self.ids, self.order = ids.copy(), np.argsort(ids)
-        order = self.order
-        table = {
-            name: column()[:count].copy().take(order, axis=0) for name, column in self.columns.items()
-        }  # three times as quick as [order]
-        if self.asleep:  # sleepers have theirs kept for them
-            awake = sim.world.sleep.state[None].awake
-            table["mobility"] = np.where((order >= awake)[:, None], self.asleep()[:count][order], table["mobility"])
-        moved = table["offset"].astype(float) + table["shift"]
-        table["position"] = (table["site"] + 0.5) * self.spacing + moved
-        table["angle"] = table["angle"].astype(float) + table["turn"]
-        return table
-
-    def mass(self, table: dict[str, np.ndarray]) -> np.ndarray:
-        """Masses of grains [kg]; of fixed ones by their density."""
-        inverse = table["mobility"][:, 0].astype(float)
-        fixed = np.flatnonzero(inverse == 0)
-        inverse[fixed] = 1.0
-        mass = 1 / inverse
-        mass[fixed] = self.kinds.dense[table["kind"][fixed]] * table["radius"][fixed].astype(float) ** 2
-        return mass
+        ids = self.read_ids()[:count]
+        if len(self.first) == sim.made + 1 and np.array_equal(ids, self.ids):
+            return
+        self.ids = ids.copy()
+        there = ids >= 0
+        many = np.zeros(sim.made + 1, np.int32)
+        many[ids[there]] = self.kinds.many[self.read_kinds()[:count][there]] if self.kinds.clumps else 1
+        total = np.cumsum(many, dtype=np.int32)
+        self.first, self.many = total - many, int(total[-1])
 
     def of(self, sim: Any) -> dict[str, np.ndarray]:
         """The chunks of this moment, by name. Those that are the same arrays as in another frame have not changed."""
-        table, scene = self.table(sim), sim.scene
-        whole = self.mass(table)
-        discs = discs_of(table, whole, self.kinds)
-        owner, size, count = discs["owner"], np.array(scene.size), len(discs["radius"])
-        half = (table["angle"][owner] / 2).astype(np.float32)
-        position, velocity, turn = (np.zeros((count, width), np.float32) for width in (3, 3, 4))
-        position[:, :2], velocity[:, :2] = centred(discs["place"], size, scene.periodic), discs["velocity"]
-        turn[:, 0], turn[:, 3] = np.cos(half), np.sin(half)
+        self.find_rows(sim)
+        n, scene, (real, kind) = self.many, sim.scene, real_of(sim)
+        names, slots = np.empty((n, 3), np.int32), np.empty(n, np.int32)
+        masses, position, velocities, turns, orientation, force = (np.empty((n, width), np.float32) for width in (3, 3, 3, 2, 4, 3))
+        energy = np.empty((n, 2), kind)
+        numbers = np.array([*scene.size, *scene.gravity, *self.kinds.dense], kind)
+        lay_grains(sim.world, self.first, numbers, names, slots, masses, position, velocities, turns, energy, real)
+        half = turns[:, 0].copy()  # sines of what lies apart take ten times as long
+        orientation[:, 0], orientation[:, 1], orientation[:, 2], orientation[:, 3] = np.cos(half), 0.0, 0.0, np.sin(half)
+        force[:] = 0.0
+        kinetic, potential = energy.sum(axis=0, dtype=np.float64)
         return {
             "configuration/step": np.array([sim.steps], np.uint64),
-            "configuration/box": np.array([*scene.size, 0, 0, 0, 0], np.float32),
-            **self.kinds.chunks,
-            **self.lasting(table, discs),
+            **self.chunks,
+            **self.lasting(names, masses),
             "particles/position": position,
-            "particles/velocity": velocity,
-            "particles/orientation": turn,
+            "particles/velocity": velocities,
+            "particles/orientation": orientation,
             "log/time": np.array([sim.time]),
-            "log/shift": size / 2,
-            "log/particles/spin": table["twist"][owner, 2].astype(np.float32),
-            **{name: values[owner].astype(np.float32) for name, values in table.items() if name.startswith("log/")},
-            **energies(table, whole, scene.gravity),
-            **bonds(contacts(sim), table["id"], discs["first"], count),
+            "log/shift": np.array(scene.size) / 2,
+            "log/particles/spin": turns[:, 1].copy(),
+            **{name: column()[: sim.count][slots].astype(np.float32) for name, column in self.carried.items()},
+            "log/kinetic_energy_J": np.array([kinetic]),
+            "log/potential_energy_J": np.array([potential]),
+            **self.bonds(sim, force),
         }
 
-    def lasting(self, table: dict[str, np.ndarray], discs: dict[str, Any]) -> dict[str, np.ndarray]:
+    def lasting(self, names: np.ndarray, masses: np.ndarray) -> dict[str, np.ndarray]:
         """The chunks that stay as they are while grains neither come nor go, nor are held or let go."""
-        now = [table[name] for name in ("id", "kind", "radius", "mobility")]
-        if not all(map(np.array_equal, now, self.seen)):
-            owner, mass = discs["owner"], discs["mass"]
-            ids, kind = table["id"][owner].astype(np.int32), table["kind"][owner]
-            inertia = np.zeros((len(mass), 3), np.float32)
-            inertia[:, 2] = 0.5 * mass * discs["radius"] ** 2
+        if not (self.seen and np.array_equal(names, self.seen[0]) and np.array_equal(masses, self.seen[1])):
+            inertia = np.zeros((len(names), 3), np.float32)
+            inertia[:, 2] = masses[:, 2]
             self.seen, self.last = (
-                now,
+                [names, masses],
                 {
-                    "particles/N": np.array([len(mass)], np.uint32),
-                    "particles/typeid": kind.astype(np.uint32),
-                    "particles/body": np.where(self.kinds.many[kind] > 1, ids, np.int32(-1)),
-                    "particles/mass": mass.astype(np.float32),
-                    "particles/diameter": (2 * discs["radius"]).astype(np.float32),
+                    "particles/N": np.array([len(names)], np.uint32),
+                    "particles/typeid": names[:, TYPE].astype(np.uint32),
+                    "particles/body": names[:, BODY].copy(),
+                    "particles/mass": masses[:, 0].copy(),
+                    "particles/diameter": masses[:, 1].copy(),
                     "particles/moment_inertia": inertia,
-                    "log/particles/id": ids,
+                    "log/particles/id": names[:, ID].copy(),
                 },
             )
         return self.last
 
-
-def discs_of(table: dict[str, np.ndarray], whole: np.ndarray, kinds: Kinds) -> dict[str, Any]:
-    """The discs of grains with the masses `whole`, a row each: owner (row of the table), place, velocity, radius, mass; and first, the row
-    of the first disc of each grain.
-    """
-    velocity, radius = table["twist"][:, :2], table["radius"].astype(float)
-    if not kinds.clumps:
-        rows = np.arange(len(radius))
-        return {"owner": slice(None), "first": rows, "place": table["position"], "velocity": velocity, "radius": radius, "mass": whole}
-    kind = table["kind"]
-    many = kinds.many[kind]
-    owner, first = np.repeat(np.arange(len(kind)), many), np.cumsum(many) - many
-    number = np.arange(len(owner)) - first[owner]
-    own = kinds.discs[kinds.start[kind[owner]] + number] * radius[owner, None]
-    angle, spin, area = table["angle"][owner], table["twist"][owner, 2], own[:, 2] ** 2
-    c, s = np.cos(angle), np.sin(angle)
-    arm = np.stack([c * own[:, 0] - s * own[:, 1], s * own[:, 0] + c * own[:, 1]], axis=1)
-    return {
-        "owner": owner,
-        "first": first,
-        "place": table["position"][owner] + arm,
-        "velocity": velocity[owner] + spin[:, None] * np.stack([-arm[:, 1], arm[:, 0]], axis=1),
-        "radius": own[:, 2],
-        "mass": whole[owner] * area / np.bincount(owner, area, len(kind))[owner],
-    }
-
-
-def bonds(found: np.ndarray, ids: np.ndarray, first: np.ndarray, count: int) -> dict[str, np.ndarray]:
-    """The contacts `found` of grains as bonds, and their forces on each of `count` particles; `ids` of the grains are in order, `first` is
-    the first particle of each.
-    """
-    wide = np.ascontiguousarray(found.view(np.float64).reshape(len(found), WORDS).T)  # a row a number: three times as quick as by fields
-    whole, between = wide.view(np.int64), wide.view(np.int64)[1] >= 0
-    nx, ny, push, slide, overlap = (wide[COLUMN[name]] for name in ("normal_x", "normal_y", "force_n", "force_t", "overlap"))
-    rows = np.zeros(int(ids[-1]) + 1 if len(ids) else 0, int)
-    rows[ids[ids >= 0]] = first[ids >= 0]
-    one, other = rows[whole[0]] + whole[2], rows[whole[1][between]] + whole[3][between]
-    force = np.zeros((count, 3), np.float32)
-    for axis, along in enumerate((push * nx - slide * ny, push * ny + slide * nx)):
-        force[:, axis] = np.bincount(other, along[between], count) - np.bincount(one, along, count)
-    group = np.empty((len(other), 2), np.uint32)
-    group[:, 0], group[:, 1] = one[between], other
-    return {
-        "bonds/N": np.array([len(other)], np.uint32),
-        "bonds/typeid": (whole[4][between] > 0).astype(np.uint32),
-        "bonds/group": group,
-        "log/particles/force": force,
-        "log/bonds/force_n": push[between].astype(np.float32),
-        "log/bonds/force_t": slide[between].astype(np.float32),
-        "log/bonds/overlap": overlap[between].astype(np.float32),
-    }
-
-
-def centred(place: np.ndarray, size: np.ndarray, periodic: tuple[bool, bool]) -> np.ndarray:
-    """Places (n, 2) [m] from the centre of the box, float32; over a periodic edge they are folded into it."""
-    shifted = place - size / 2
-    for axis, wraps in enumerate(periodic):
-        if wraps:
-            folded = np.float32(place[:, axis] % size[axis] - size[axis] / 2)
-            shifted[:, axis] = np.where(folded >= np.float32(size[axis] / 2), -size[axis] / 2, folded)  # rounded up
-    return shifted.astype(np.float32)
-
-
-def energies(table: dict[str, np.ndarray], whole: np.ndarray, gravity: tuple[float, float]) -> dict[str, np.ndarray]:
-    """Of the grains that can move, as the report has them [J]."""
-    turning = table["mobility"][:, 2].astype(float)
-    inertia = np.divide(1.0, turning, out=np.zeros(len(whole)), where=turning > 0)
-    free = whole * (table["mobility"][:, 0] > 0)
-    twist = table["twist"].astype(float)
-    kinetic = 0.5 * (free @ twist[:, 0] ** 2 + free @ twist[:, 1] ** 2 + inertia @ twist[:, 2] ** 2)
-    potential = -(free @ (table["position"] @ np.array(gravity)))
-    return {"log/kinetic_energy_J": np.array([kinetic]), "log/potential_energy_J": np.array([potential])}
+    def bonds(self, sim: Any, force: np.ndarray) -> dict[str, np.ndarray]:
+        """The contacts of grains; all forces are added to those on the particles, `force` (n, 3)."""
+        found = pairs_of(sim)
+        many, made = len(found.whole), len(self.first) + 1
+        group, bridges, numbers = np.empty((many, 2), np.int32), np.empty(many, np.int32), np.empty((3, many), np.float32)
+        counts = np.zeros(made, np.int32)
+        if many:
+            order = np.empty(many, np.int32)
+            lay_bonds(found.whole, found.exact, self.first, counts, order, group, bridges, numbers, force, sim.world.serial)
+        between = int(counts[-2])
+        return {
+            "bonds/N": np.array([between], np.uint32),
+            "bonds/typeid": bridges[:between].view(np.uint32),
+            "bonds/group": group[:between].view(np.uint32),
+            "log/particles/force": force,
+            "log/bonds/force_n": numbers[0, :between],
+            "log/bonds/force_t": numbers[1, :between],
+            "log/bonds/overlap": numbers[2, :between],
+        }

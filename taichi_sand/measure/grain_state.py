@@ -20,10 +20,15 @@ WALL = np.dtype([("name", "U40"), ("force", np.float64, (2,)), ("torque", np.flo
 def state_of(sim: Any) -> dict[str, np.ndarray]:
     """Of the grains present, by id: id, position, velocity, spin, mass and inertia (0 of fixed ones), area; SI."""
     table = read_columns(sim.world, ("id", "position", "velocity", "spin", "radius", "kind", "mobility"))
-    mobility = table["mobility"].astype(float)
-    mass, inertia = (np.divide(1.0, mobility[:, k], out=np.zeros(len(mobility)), where=mobility[:, k] > 0) for k in (0, 2))
+    mass, inertia = masses(table["mobility"]).T
     area = np.pi * (table["radius"].astype(float) * sim.sizes[table["kind"]]) ** 2
     return {**{name: table[name] for name in ("id", "position", "velocity", "spin")}, "mass": mass, "inertia": inertia, "area": area}
+
+
+def masses(mobility: np.ndarray) -> np.ndarray:
+    """Mass [kg] and moment of inertia [kg m2], (n, 2), by the column `mobility`; 0 of fixed ones."""
+    inverse = mobility[:, [0, 2]].astype(float)
+    return np.divide(1.0, inverse, out=np.zeros(inverse.shape), where=inverse > 0)
 
 
 def forces(rows: np.ndarray) -> np.ndarray:

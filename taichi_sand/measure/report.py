@@ -50,114 +50,75 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sand.measure import observe
-from taichi_sand.measure.contacts import contacts as contact_rows
-from taichi_sand.measure.contacts import real_of
-from taichi_sand.measure.grain_state import wall_forces
+from taichi_sand.measure.contacts import as_contacts
+from taichi_sand.measure.discs import Kinds, discs_of
+from taichi_sand.measure.grain_state import masses, wall_forces
+from taichi_sand.measure.loads import Loads
+from taichi_sand.measure.packing import packing_fraction
+from taichi_sand.measure.pairs import Found, pairs_of
 from taichi_sand.solvers.tolerance import softness
 from taichi_sand.world.extras.hooks import offers
 from taichi_sand.world.extras.links import ends_of
+from taichi_sand.world.reading import in_order, ranks, read_columns, rows_of
 from taichi_sand.world.sources import waiting
 
-CELLS_ACROSS = 8
-"""A bed of n grains gets cells of about sqrt(n) / CELLS_ACROSS diameters, between SMALLEST and LARGEST."""
-SMALLEST, LARGEST = 2.0, 6.0
-BEARING = 1e-3
 
-
-def _blocks(world: Any) -> int:
-    """Rows that per-block sums need."""
-    return world.blocks.pair_start.shape[0]
-
-
-def _frame(sim: Any, dtype: Any) -> np.ndarray:
-    """Lattice spacing, upward unit vector and gravity, for the kernels."""
-    gravity = sim.world.box[None].gravity.to_numpy().astype(np.float64)
+def upwards(sim: Any) -> np.ndarray:
+    """The unit vector against gravity; +y without gravity."""
+    gravity = np.array(sim.scene.gravity, float)
     size = float(np.hypot(*gravity))
-    up = -gravity / size if size > 0 else np.array([0.0, 1.0])
-    return np.concatenate([sim.world.box[None].spacing.to_numpy(), up, gravity]).astype(dtype)
+    return -gravity / size if size > 0 else np.array([0.0, 1.0])
 
 
 def motion(sim: Any) -> dict[str, Any]:
     """Energies [J], momenta [N s, N m s], largest speed [m/s] and height of the bed [m]."""
-    real, dtype = real_of(sim)
-    sums = np.zeros((_blocks(sim.world), observe.GRAIN_COLUMNS), dtype)
-    sums[:, observe.LOWEST] = np.inf
-    observe.sum_grains(sim.world, _frame(sim, dtype), sums, real)
-    total = sums.sum(axis=0, dtype=np.float64)
-    moving = total[observe.MOVING] > 0
-    height = 2 * (total[observe.HEIGHT] / total[observe.MASS] - sums[:, observe.LOWEST].min()) if moving else 0.0
+    table = read_columns(sim.world, ("position", "velocity", "spin", "angle", "radius", "kind", "mobility"))
+    mass, inertia = masses(table["mobility"]).T
+    x, v, spin, up = table["position"], table["velocity"], table["spin"], upwards(sim)
+    total = float(mass.sum())
+    height = 0.0
+    if total > 0:
+        discs = discs_of(Kinds(sim.scene), *(table[name] for name in ("kind", "position", "angle", "radius")))
+        height = 2 * (float(mass @ (x @ up)) / total - float((discs.place @ up - discs.radius).min()))
+    square, turning = (v**2).sum(axis=1), inertia * spin
     return {
-        "mass_kg": float(total[observe.MASS]) if moving else 0.0,
-        "kinetic_energy_J": float(total[observe.KINETIC]),
-        "potential_energy_J": float(total[observe.POTENTIAL]),
-        "momentum_Ns": [float(total[observe.PX]), float(total[observe.PY])],
-        "angular_momentum_Nms": float(total[observe.SPIN]),
-        "bed_height_m": float(height),
-        "speed_max_m_s": float(np.sqrt(sums[:, observe.SPEED2].max())),
+        "mass_kg": total,
+        "kinetic_energy_J": float(0.5 * (mass @ square + turning @ spin)),
+        "potential_energy_J": float(-(mass @ (x @ np.array(sim.scene.gravity)))),
+        "momentum_Ns": (mass @ v).tolist(),
+        "angular_momentum_Nms": float(mass @ (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0]) + turning.sum()),
+        "bed_height_m": height,
+        "speed_max_m_s": float(np.sqrt(square[mass > 0].max(initial=0.0))),
     }
 
 
-def look_at_pairs(sim: Any) -> tuple[np.ndarray, np.ndarray]:
-    """The sums over pairs, by the columns of `observe`, and the overlaps of those that touch [m]."""
-    real, dtype = real_of(sim)
-    w = sim.world
-    sums = np.zeros((_blocks(w), observe.PAIR_COLUMNS), dtype)
-    overlaps = np.zeros(w.half * (1 + w.sleeps), dtype)
-    observe.sum_pairs(w, _frame(sim, dtype), sums, overlaps, real)
-    return sums.sum(axis=0, dtype=np.float64), overlaps[overlaps > 0].astype(np.float64)
-
-
-def contacts(sim: Any) -> dict[str, Any]:
-    """Pairs, overlaps as a fraction of d, coordination, and the force on floors and walls [N]."""
-    total, touching = look_at_pairs(sim)
-    touching /= sim.bed.diameter
-    mean_push = total[observe.PUSH] / total[observe.PUSHING] if total[observe.PUSHING] else 0.0
+def contacts(sim: Any, found: Found | None = None) -> dict[str, Any]:
+    """Pairs, overlaps as a fraction of d, coordination, and the force on floors and walls [N]; `found`: the pairs, if they are read."""
+    found = pairs_of(sim) if found is None else found
+    loads = Loads(found)
+    touching = loads.overlaps / sim.bed.diameter
     return {
-        "pairs": int(total[observe.LISTED]),
-        "contacts": int(total[observe.TOUCHING]),
+        "pairs": found.listed,
+        "contacts": len(touching),
         "overlap_mean": float(touching.mean()) if len(touching) else 0.0,
         "overlap_p99": float(np.percentile(touching, 99)) if len(touching) else 0.0,
         "overlap_max": float(touching.max()) if len(touching) else 0.0,
-        "coordination": coordination(sim, mean_push),
-        "floor_force_N": float(total[observe.FLOOR]),
-        "wall_force_N": float(total[observe.WALL]),
+        "coordination": loads.coordination(sim.made),
+        "floor_force_N": loads.on_floors(upwards(sim)),
+        "wall_force_N": loads.on_walls(),
     }
 
 
-def walls(sim: Any) -> dict[str, list[float]]:
-    """Force x, y [N] and torque [N m] on every wall that is touched, by its name."""
-    found = wall_forces(sim, contact_rows(sim))
-    return {str(row["name"]): [*row["force"].tolist(), float(row["torque"])] for row in found[found["contacts"] > 0]}
+def walls(sim: Any, found: Found) -> dict[str, list[float]]:
+    """Force x, y [N] and torque [N m] on every wall that is touched, by its name; `found` is not to be used any more."""
+    rows = wall_forces(sim, as_contacts(sim, found))
+    return {str(row["name"]): [*row["force"].tolist(), float(row["torque"])] for row in rows[rows["contacts"] > 0]}
 
 
-def coordination(sim: Any, mean_push: float) -> float:
-    """Bearing contacts a grain, without rattlers; `mean_push` [N] is the mean normal force of the pushing contacts."""
-    if mean_push <= 0:
-        return 0.0
-    w = sim.world
-    bearing = np.zeros(w.capacity, np.int32)
-    ends = np.zeros((_blocks(w), 2), np.int32)
-    observe.count_bearing(w, BEARING * mean_push, bearing)
-    observe.count_ends(w, BEARING * mean_push, bearing, ends)
-    met, grains = ends.sum(axis=0)
-    return float(met / grains) if grains else 0.0
-
-
-def packing_fraction(sim: Any) -> float:
-    """Area of grains a unit area inside the bed: see the head of this file."""
-    real, dtype = real_of(sim)
-    w = sim.world
-    d = sim.bed.diameter
-    cell = float(np.clip(np.sqrt(max(w.count[None], 1)) / CELLS_ACROSS, SMALLEST, LARGEST)) * d
-    shape = tuple(max(1, int(np.ceil(side / cell))) for side in w.box[None].size.to_numpy())
-    filled = np.zeros(shape, np.int32)
-    observe.deal_area(w, _frame(sim, dtype), cell, filled, real)
-    fraction = np.pad(filled / observe.FULL, 1)
-    full = fraction > 0.5
-    around = [full[1 + dx : 1 + dx + shape[0], 1 + dy : 1 + dy + shape[1]] for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
-    inside = np.logical_and.reduce(around)
-    return float(fraction[1:-1, 1:-1][inside].mean()) if inside.any() else 0.0
+def pairs(sim: Any) -> dict[str, Any]:
+    """What is told of contacts and walls."""
+    found = pairs_of(sim)
+    return {**contacts(sim, found), "wall_forces_N": walls(sim, found)}
 
 
 def cost(sim: Any) -> dict[str, Any]:
@@ -179,10 +140,10 @@ def carried(sim: Any) -> dict[str, Any]:
     w = sim.world
     if not w.carried:
         return {}
-    weights = np.zeros(w.capacity, np.float32)
-    observe.weigh_grains(w, weights)
-    mass = weights[: sim.count].astype(np.float64)
-    columns = {name: column.to_numpy()[: sim.count].astype(np.float64) for name, column in w.carried._asdict().items()}
+    count = sim.count
+    mass = masses(read_columns(w, ("mobility",))["mobility"])[:, 0]
+    rank = ranks(w)
+    columns = {name: in_order(rows_of(column, count), rank).astype(np.float64) for name, column in w.carried._asdict().items()}
     found: dict[str, Any] = {}
     if "temperature" in columns:
         heat = mass * columns["temperature"] * sim.solver.constants[None].heat_capacity + columns["warmth"]
@@ -224,8 +185,7 @@ def report(sim: Any) -> dict[str, Any]:
         "tolerance": float(sim.scene.solver.tolerance),
         "depth": float(sim.bed.depth),
         **({"events": sim.events} if sim.scene.events else {}),
-        **contacts(sim),
-        "wall_forces_N": walls(sim),
+        **pairs(sim),
         "flow_softness": softness(sim.numbers, sim.bed),
         **motion(sim),
         **carried(sim),

@@ -7,7 +7,7 @@ nothing is copied on a CPU.
 import numpy as np
 import taichi as ti
 
-from taichi_sand.measure.contacts import gap_now
+from taichi_sand.measure.pairs import gap_now
 from taichi_sand.world.clumps import turned
 from taichi_sand.world.geometry import add, mobility, movable, perp, position, spin, velocity
 from taichi_sand.world.search.pair_history import BEYOND

@@ -2,8 +2,10 @@
 
 from typing import Any
 
-from taichi_sand.play.session import LOOKS, VERBS
+from taichi_sand.play.calls import fits
+from taichi_sand.play.session import LOOKS
 from taichi_sand.play.tools import TOOLS
+from taichi_sand.play.verbs import VERBS
 
 FARTHEST = 1e9
 """Numbers of actions are within this, either way."""
@@ -12,6 +14,7 @@ ARGUMENTS: dict[str, tuple] = {
     **dict.fromkeys(("mark", "undo", "redo", "reset"), ()),
     **dict.fromkeys(("choose", "solver", "open", "load"), (str,)),
     **{"set": (str, NUMBER), "effect": (str, bool), "look": (str, (str, bool)), "opened": (bool,), "kind": (int,)},
+    "call": (str, dict),
     "stroke": (str, NUMBER, NUMBER, NUMBER, NUMBER, bool),
 }
 """What each verb is given; a stroke may do without its last three."""
@@ -38,4 +41,6 @@ def is_action(action: Any) -> bool:
             return False
     if verb == "look" and type(given[1]) is not type(LOOKS.get(given[0], "")):
         return False
+    if verb == "call":
+        return fits(*given)
     return verb not in CHOICES or given[0] in CHOICES[verb]

@@ -37,19 +37,32 @@ class Recorder:
     """Writes down what is done to a session; to be called once a frame. SandError once the disk takes no more: what is there is whole."""
 
     def __init__(self, session: Session, path: Path) -> None:
-        self.session = session
-        session.log = []
+        self.session, self.written = session, 0  # steps of this frame that are
+        session.log, session.before_action = [], self.note
+        session.made()
         self.started = self.hashed = time.perf_counter()
         self.lines = Lines(path, as_line({TITLE: FORMAT, "scene": session.sim.scene.to_json(), "start": pack(session.moment())}))
 
     def __call__(self, actions: list, steps: int) -> None:
         """A frame: these actions, then so many steps."""
-        now = time.perf_counter()
-        if actions or steps:
-            self._line([actions, steps, round(now - self.started, 4)])
-        if now - self.hashed >= EVERY:
+        self._frame(actions, steps - self.written)
+        self.written = 0
+        self.session.made()
+        self.session.take_log()
+        if time.perf_counter() - self.hashed >= EVERY:
             self.hash()
-            self.hashed = now
+            self.hashed = time.perf_counter()
+
+    def note(self) -> None:
+        """What was done in this frame so far, if there were steps: something else comes next."""
+        steps = self.session.made()
+        if steps:
+            self._frame(self.session.take_log(), steps)
+            self.written += steps
+
+    def _frame(self, actions: list, steps: int) -> None:
+        if actions or steps:
+            self._line([actions, steps, round(time.perf_counter() - self.started, 4)])
 
     def hash(self) -> None:
         """The state as it is now."""
@@ -57,6 +70,8 @@ class Recorder:
 
     def close(self) -> None:
         """The end."""
+        self._frame(self.session.take_log(), self.session.made())
+        self.session.log = self.session.before_action = None
         self.hash()
         self.lines.close()
 

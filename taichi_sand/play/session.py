@@ -7,29 +7,29 @@ import base64
 import gc
 import hashlib
 import json
-import re
+import weakref
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from taichi_sand.errors import SandError
-from taichi_sand.play import knobs, transfer
+from taichi_sand.play import calls, knobs, transfer
 from taichi_sand.play.brush import Brush
 from taichi_sand.play.history import History
-from taichi_sand.play.snapshot import Snapshot, from_bytes, restore, take, to_bytes
+from taichi_sand.play.snapshot import Snapshot, restore, take, to_bytes
 from taichi_sand.play.stroke import Stroke
-from taichi_sand.play.tools import TOOLS
+from taichi_sand.play.verbs import VERBS
 from taichi_sand.run import live
 from taichi_sand.run.saving import laid_out
 from taichi_sand.run.simulation import Simulation
 from taichi_sand.scene.schema import Scene
 from taichi_sand.scene.walls import Wall
 from taichi_sand.taichi_support import runtime
-from taichi_sand.view.views import KIND, check_view, views_of
+from taichi_sand.view.views import KIND, views_of
 
 MOST_BUILT = 6
 """Structures (solver, effects) that are kept ready; with more, all are dropped, as Taichi frees single ones never."""
-COLOUR = re.compile("#[0-9a-fA-F]{6}")
 LOOKS = {"color": "kind", "chains": False, "velocities": False, "forces": False, "grid": False, "bonds": True, "asleep": True, "hud": True}
 """What may be switched of how it looks, and how it starts."""
 
@@ -45,6 +45,9 @@ class Session:
     def __init__(self, scene: Scene, *, arch: str = "cpu", threads: int | None = None) -> None:
         self.where = {"arch": arch, "threads": threads}
         self.log: list[list] | None = None  # what was done since the last `take_log`, for recordings
+        self.before_action: Callable[[], None] | None = None  # is called before an action is logged
+        self.doing = False  # whether an action is being done
+        self.counted = 0  # steps, the last time that they were
         self.compiled = 0  # how often something had to be compiled
         self.open(scene)
 
@@ -59,7 +62,7 @@ class Session:
         self.history = History()
         self.rng = np.random.default_rng(scene.seed)
         self._knobs: tuple = (None, [])
-        self.sim = Simulation(scene, **self.where, hand=True)
+        self._listen_to(Simulation(scene, **self.where, hand=True))
         self.room = self.sim.room
         self.built[live.structure(scene), self.sim.first_walls] = self.sim
         self.compiled += 1
@@ -78,13 +81,22 @@ class Session:
 
     def do(self, action: list) -> None:
         """Does one action. What cannot be done leaves a sentence in `message`."""
-        if self.log is not None:
-            self.log.append(action)
-        self.message = ""
+        self._note(action)
+        self.message, self.doing, before = "", True, self.sim.steps
         try:
             VERBS[action[0]](self, *action[1:])
         except SandError as error:
             self.message = str(error)
+        finally:
+            self.doing = False
+            self.counted += self.sim.steps - before  # it has gone to another moment
+
+    def _note(self, action: list) -> None:
+        """Something is done, after the steps until now."""
+        if self.log is not None:
+            if self.before_action:
+                self.before_action()
+            self.log.append(action)
 
     def take_log(self) -> list[list]:
         """What was done since the last call."""
@@ -98,6 +110,34 @@ class Session:
         come = [f"{name} at {time:.2f} s" for name, time in self.sim.events.items() if name not in before]
         if come:
             self.message = ", ".join(come) + ("; the simulation ends here" if self.sim.stopped else "")
+
+    def made(self) -> int:
+        """Steps simulated since the last call of this."""
+        made, self.counted = self.sim.steps - self.counted, self.sim.steps
+        return made
+
+    def _listen_to(self, sim: Simulation) -> None:
+        """Goes on with `sim`, and hears what is called of it."""
+        self.sim, ear = sim, weakref.WeakMethod(self._heard)
+
+        def hear(*call: Any) -> None:
+            if heard := ear():
+                heard(*call)
+
+        sim.heard = hear
+
+    def keep_built(self) -> None:
+        """What was called may have changed the structure of the simulation."""
+        key = live.structure(self.sim.scene), self.sim.first_walls
+        self.built = {other: sim for other, sim in self.built.items() if sim is not self.sim} | {key: self.sim}
+
+    def _heard(self, name: str, args: tuple, named: dict[str, Any]) -> None:
+        """Something was called from outside of `do`."""
+        if self.doing:
+            return
+        self.keep_built()
+        if name in calls.CALLS:
+            self._note(calls.action_of(name, args, named))
 
     # moments
 
@@ -155,7 +195,7 @@ class Session:
 
     def _take(self, sim: Simulation) -> None:
         """Goes on with `sim`; colours that it has not are shown no more."""
-        self.sim = sim
+        self._listen_to(sim)
         if self.look["color"] not in views_of(sim.world):
             self.look["color"] = KIND
 
@@ -181,128 +221,6 @@ class Session:
         return self._knobs[1]
 
 
-def _set(session: Session, key: str, value: float) -> None:
-    knob = next((k for k in session.knobs() if k.key == key), None)
-    if knob is None:
-        raise SandError(f"there is nothing called {key} to be changed here")
-    low, high = knob.span(session.opened)
-    value = min(high, max(low, float(value)))
-    if key == "time":
-        session.speed = value
-    elif key.startswith("tool."):
-        setattr(session.brush, key[5:], value)
-    else:
-        session.sim.set(key, value, unphysical=session.opened)
-
-
-def _mark(session: Session) -> None:
-    session.history.keep(session.moment())
-
-
-def _undo(session: Session) -> None:
-    moment = session.history.back(session.moment()) if session.history.past else None
-    if moment is None:
-        raise SandError("there is nothing to undo")
-    session.go_to(moment)
-
-
-def _redo(session: Session) -> None:
-    moment = session.history.forth(session.moment()) if session.history.future else None
-    if moment is None:
-        raise SandError("there is nothing to do again")
-    session.go_to(moment)
-
-
-def _reset(session: Session) -> None:
-    _mark(session)
-    session.go_to(session.start)
-
-
-def _solver(session: Session, kind: str) -> None:
-    scene = session.sim.scene
-    if kind == scene.solver.kind:
-        return
-    _mark(session)
-    session.become(transfer.with_solver(scene, kind, session.home))
-
-
-def _effect(session: Session, name: str, on: bool) -> None:
-    from taichi_sand import effects
-
-    scene = session.sim.scene
-    tables = {key: value for key, value in scene.effects.items() if key != name}
-    if on:
-        tables[name] = session.home.effects.get(name, {})
-    new = scene.model_copy(update={"effects": tables})
-    effects.check(new)
-    _mark(session)
-    session.become(new)
-
-
-def _look(session: Session, key: str, value: Any) -> None:
-    if key == "color":
-        check_view(value, session.sim.world)
-    if key in ("cold", "hot") and not COLOUR.fullmatch(value):
-        raise SandError(f"{key} = {value[:20]!r} is no colour; it reads #RRGGBB")
-    session.look[key] = value
-
-
-def _open_ranges(session: Session, on: bool) -> None:
-    session.opened = on
-    if not on and session.sim.over:
-        _mark(session)
-        for key in list(session.sim.over):
-            session.sim.set(key, live.read(session.sim.scene, key))
-
-
-def _choose(session: Session, tool: str) -> None:
-    _end(session)
-    session.tool = tool
-
-
-def _end(session: Session) -> None:
-    stroke, session.stroke = session.stroke, None
-    if stroke:
-        stroke.end()
-
-
-def _stroke(session: Session, phase: str, x: float, y: float, vx: float = 0.0, vy: float = 0.0, other: bool = False) -> None:
-    if phase == "press":
-        _mark(session)
-        tool = TOOLS[session.tool]
-        session.stroke = Stroke(session, TOOLS[tool.inverse] if other and tool.inverse else tool)
-    if session.stroke:
-        session.stroke.move(phase, x, y, vx, vy)
-    if phase == "release":
-        _end(session)
-
-
-def _kind(session: Session, step: int) -> None:
-    session.brush.next_kind(session.sim, step)
-
-
-def _open(session: Session, scene: str) -> None:
-    new, old, moment = Scene.from_json(scene), session.home, session.moment()
-    try:
-        session.open(new)
-    except SandError:  # what cannot be simulated leaves what there was, but for what could be undone
-        session.open(old)
-        session.go_to(moment)
-        raise
-
-
-def _load(session: Session, data: str) -> None:
-    moment = from_bytes(base64.b64decode(data))
-    _mark(session)
-    session.go_to(moment)
-
-
 def pack(moment: Snapshot) -> str:
     """A moment as text, for ["load", …]."""
     return base64.b64encode(to_bytes(moment)).decode()
-
-
-VERBS = {
-    "set": _set, "mark": _mark, "undo": _undo, "redo": _redo, "reset": _reset, "solver": _solver, "effect": _effect, "look": _look,
-    "opened": _open_ranges, "choose": _choose, "stroke": _stroke, "kind": _kind, "open": _open, "load": _load,
-}  # fmt: skip

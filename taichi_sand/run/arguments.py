@@ -1,10 +1,12 @@
 """What the functions of a simulation are given: NumPy's numbers and arrays, lists, checked and named in errors."""
 
+import math
 from typing import Any
 
 import numpy as np
 
 from taichi_sand.errors import SandError, show
+from taichi_sand.world.tables import MOST_STEPS
 
 HUGE = 1e12
 """Numbers are no larger, as in scene files: 32 bits hold the square of a number, and the products made of it."""
@@ -61,3 +63,18 @@ def whole(function: str, name: str, value: Any) -> np.ndarray:
     except (TypeError, ValueError, OverflowError):
         raise SandError(f"{function}: {name} = {shown(value)} must be whole numbers") from None
     return np.atleast_1d(found)
+
+
+def stretch(seconds: Any) -> float:
+    """`seconds` as a number of seconds, 0 or more; SandError if it is something else."""
+    number = isinstance(seconds, int | float | np.integer | np.floating) and not isinstance(seconds, bool)
+    if not number or not 0 <= seconds < math.inf:
+        raise SandError(f"advance({show(seconds)}): must be a number of seconds, 0 or more")
+    return float(seconds)
+
+
+def steps_of(count: Any) -> int:
+    """`count` as a number of steps, 0 or more; SandError if it is something else."""
+    if not isinstance(count, int | np.integer) or isinstance(count, bool) or not 0 <= count <= MOST_STEPS:
+        raise SandError(f"advance_steps({show(count)}): must be a whole number of steps, 0 … {MOST_STEPS}")
+    return int(count)

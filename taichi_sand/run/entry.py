@@ -24,13 +24,22 @@ def reads(method: M) -> M:
 
 
 def changes(method: M) -> M:
-    """A method that changes it: SandError if another thread is advancing it."""
+    """A method that changes it: SandError if another thread is advancing it. Who listens is told of it, but neither of what it calls itself
+    nor of what the simulation does as it advances.
+    """
 
     @functools.wraps(method)
     def changing(self: Any, /, *args: Any, **kwargs: Any) -> Any:
         with turn:
             check_runner(self)
-            return method(self, *args, **kwargs)
+            heard, self.heard = self.heard, None
+            try:
+                found = method(self, *args, **kwargs)
+            finally:
+                self.heard = heard
+            if heard and (self.runner is None or self.calls.calling):
+                heard(method.__name__, args, kwargs)
+            return found
 
     return cast("M", changing)
 

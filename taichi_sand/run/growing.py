@@ -76,17 +76,17 @@ class Growing:
 
     def fit_tables(self) -> None:
         """Larger tables, and all pairs listed again, if the last list build found more than there is room for."""
-        woken = self.world.pace[None].lacking == 2
-        if not self.world.pace[None].lacking:
+        lacking = stepping.now(self.world.pace, "lacking")
+        if not lacking:
             return
         with self.clock.stage("compile"):
-            while self.world.pace[None].lacking:
+            while stepping.now(self.world.pace, "lacking"):
                 self.take_room(rooms_of(self.world).larger(self.world.lacks.to_numpy()))
                 self.world.lacks.fill(0)
                 self.world.pace[None].lacking = 0
                 list_again(self.world)
             stepping.warm(self.world, self.solver)
-        if woken:
+        if lacking == 2:
             clear_stale_rows_now(self.world)
             stepping.renew(self.world, self.solver)
 

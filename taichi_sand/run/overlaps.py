@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from taichi_sand.measure import discs as on_host
+from taichi_sand.measure.discs import Kinds
 from taichi_sand.scene.nearby import close_pairs, near_walls, off_walls
 from taichi_sand.world.walls.build import wall_segments
 
@@ -25,15 +27,9 @@ class Discs:
 
 def discs_of(sim: Any, ids: np.ndarray, position: np.ndarray, angle: np.ndarray, radius: np.ndarray, kind: np.ndarray) -> Discs:
     """The discs of grains at `position` (n, 2) [m], of `radius` (n,) [m] around them, turned by `angle` (n,)."""
-    shapes = [sim.scene.form_of(table).discs for table in (*sim.scene.grains, *sim.scene.sources)] or [np.array([[0.0, 0.0, 1.0]])]
-    many = np.array([len(shape) for shape in shapes])[kind]
-    owner, start = np.repeat(np.arange(len(ids)), many), np.cumsum([0, *(len(shape) for shape in shapes)])
-    within = np.arange(len(owner)) - np.repeat(np.cumsum(many) - many, many)
-    disc = np.concatenate(shapes)[start[kind][owner] + within] * radius[owner, None]
-    cos, sin = np.cos(angle)[owner], np.sin(angle)[owner]
-    arm = np.stack([cos * disc[:, 0] - sin * disc[:, 1], sin * disc[:, 0] + cos * disc[:, 1]], axis=1)
-    place, size = position[owner] + arm, np.array(sim.scene.size)
-    return Discs(np.where(sim.scene.periodic, place % size, place), disc[:, 2], np.asarray(ids)[owner])
+    found = on_host.discs_of(Kinds(sim.scene), kind, position, angle, radius)
+    size = np.array(sim.scene.size)
+    return Discs(np.where(sim.scene.periodic, found.place % size, found.place), found.radius, np.asarray(ids)[found.owner])
 
 
 def with_images(discs: Discs, sim: Any, reach: float) -> Discs:

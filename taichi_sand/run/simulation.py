@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from taichi_sand import effects as effect_modules
-from taichi_sand.errors import SandError, show
+from taichi_sand.errors import SandError
 from taichi_sand.run import live, stepping
+from taichi_sand.run.arguments import steps_of, stretch
 from taichi_sand.run.calling import Calling, Calls
 from taichi_sand.run.clock import Clock
 from taichi_sand.run.entry import changes, running
@@ -298,18 +299,3 @@ class Simulation(Instrument, Growing, Tuning, Steering, Staged, Calling, Looking
     def _march(self, count: int) -> None:
         self.fit_tables()
         stepping.march(self, self.steps, self.steps + count)
-
-
-def stretch(seconds: Any) -> float:
-    """`seconds` as a number of seconds, 0 or more; SandError if it is something else."""
-    number = isinstance(seconds, int | float | np.integer | np.floating) and not isinstance(seconds, bool)
-    if not number or not 0 <= seconds < math.inf:
-        raise SandError(f"advance({show(seconds)}): must be a number of seconds, 0 or more")
-    return float(seconds)
-
-
-def steps_of(count: Any) -> int:
-    """`count` as a number of steps, 0 or more; SandError if it is something else."""
-    if not isinstance(count, int | np.integer) or isinstance(count, bool) or not 0 <= count <= MOST_STEPS:
-        raise SandError(f"advance_steps({show(count)}): must be a whole number of steps, 0 … {MOST_STEPS}")
-    return int(count)

@@ -1,6 +1,6 @@
 """What can be changed of a simulation while it goes on: live numbers, walls, water."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -42,6 +42,8 @@ class Tuning:
     _adopt: Any
     _move_walls: Any
     _go_on_with: Any
+    heard: Callable[[str, tuple, dict[str, Any]], None] | None = None
+    """Is told what is called from outside that changes the simulation: name, arguments."""
 
     @reads
     def get(self, key: str) -> Any:

@@ -20,11 +20,12 @@ from taichi_sand.solvers.impulses import (
 )
 from taichi_sand.solvers.noting import WIPE, note, noting
 from taichi_sand.taichi_support.noinline import noinline
+from taichi_sand.world.blocks import nothing
 from taichi_sand.world.extras.energy_ledger import drive, settle_work
 from taichi_sand.world.extras.materials import bounce_of
 from taichi_sand.world.geometry import add, at_least, at_most, movable, perp, within, wrench
 from taichi_sand.world.search.large_grains import is_boulder
-from taichi_sand.world.sweep import nothing, sweep
+from taichi_sand.world.sweep import sweep
 from taichi_sand.world.walls.servo import along_course, apart, driver, drives, each_driven, hit_by
 
 ROUNDS, LAUNCHED_ROUNDS = 32, 2

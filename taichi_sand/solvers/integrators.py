@@ -11,12 +11,13 @@ from typing import Any, NamedTuple
 import taichi as ti
 
 from taichi_sand.taichi_support import field_pool
+from taichi_sand.world.blocks import going
 from taichi_sand.world.clumps import head
 from taichi_sand.world.extras.energy_ledger import settle_work
 from taichi_sand.world.extras.links import pull_links, settle_links
 from taichi_sand.world.geometry import add, movable, wrench
 from taichi_sand.world.motion import check_speed, drift, fastest_spin, with_body
-from taichi_sand.world.sweep import each_grain, going, sweep
+from taichi_sand.world.sweep import each_grain, sweep
 from taichi_sand.world.walls.motion import place_walls
 
 

@@ -7,8 +7,8 @@ long again, and nobody can look between the others.
 
 import taichi as ti
 
+from taichi_sand.world.blocks import Sometimes
 from taichi_sand.world.geometry import add, perp
-from taichi_sand.world.sweep import Sometimes
 
 
 @ti.func

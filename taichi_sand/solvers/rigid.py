@@ -25,12 +25,13 @@ from taichi_sand.solvers.noting import AFTER, BEFORE, WIPE, WIPE_UNLESS_HIT
 from taichi_sand.solvers.projection import OVER_RELAXATION, project, touches
 from taichi_sand.solvers.tolerance import rigid_numbers
 from taichi_sand.taichi_support import field_pool
+from taichi_sand.world.blocks import going, nothing
 from taichi_sand.world.extras.energy_ledger import settle_work
 from taichi_sand.world.extras.hooks import offers
 from taichi_sand.world.extras.links import pull_links, settle_links
 from taichi_sand.world.geometry import add, at_least, movable, wrench
 from taichi_sand.world.motion import drift, with_body
-from taichi_sand.world.sweep import each_grain, each_pair, going, nothing, sweep, sweep_twice, sweeps_join
+from taichi_sand.world.sweep import each_grain, each_pair, sweep, sweep_twice, sweeps_join
 from taichi_sand.world.tables import World, fill_struct
 from taichi_sand.world.walls.motion import place_walls
 from taichi_sand.world.walls.servo import along_course, apart, bear, drives, nobody

@@ -9,6 +9,7 @@ from typing import Any
 
 from taichi.lang.kernel_impl import Kernel
 
+from taichi_sand.taichi_support import launching
 from taichi_sand.taichi_support.host_access import PLAIN
 
 spent = {"seconds": 0.0}
@@ -23,15 +24,22 @@ def seconds() -> float:
 
 def timed(self: Kernel, *args: Any, **kwargs: Any) -> Any:
     """In place of `Kernel.__call__`."""
+    if not kwargs and launching.start(self, args):
+        return None
     known, start = len(self.compiled_kernels), time.perf_counter()
     try:
-        return call(self, *args, **kwargs)
+        found = call(self, *args, **kwargs)
     finally:
         if len(self.compiled_kernels) > known:
             spent["seconds"] += time.perf_counter() - start
+    if not kwargs:
+        launching.remember(self, args)
+    return found
 
 
 def watch() -> None:
-    """Times what is compiled from now on in this process, unless PLAIN: then only what a simulation compiles as it is made is known."""
+    """Times what is compiled from now on in this process, and starts quickly what is; unless PLAIN: then only what a simulation compiles
+    as it is made is known.
+    """
     if not PLAIN:
         Kernel.__call__ = timed

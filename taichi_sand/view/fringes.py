@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from taichi_sand.measure.contacts import gap_now
+from taichi_sand.measure.pairs import gap_now
 from taichi_sand.view import palette
 from taichi_sand.view.kernels import Integers, Packed, Rows, Spans, band_count
 from taichi_sand.view.shapes import mix, weight
+from taichi_sand.world.blocks import block_count
 from taichi_sand.world.clumps import MOST
 from taichi_sand.world.geometry import perp
 from taichi_sand.world.search.pair_history import discs_of
-from taichi_sand.world.sweep import block_count
 from taichi_sand.world.tables import CHUNK, World
 
 ORDERS = 2.0

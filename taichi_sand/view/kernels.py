@@ -8,9 +8,9 @@ import taichi as ti
 
 from taichi_sand.taichi_support.runtime import on_gpu
 from taichi_sand.view.shapes import disc, lighter, line, mix, sleepy
+from taichi_sand.world.blocks import block_count
 from taichi_sand.world.clumps import disc_around, discs_around, turned
 from taichi_sand.world.geometry import mobility, movable, position
-from taichi_sand.world.sweep import block_count
 from taichi_sand.world.tables import CHUNK
 
 CPU_BANDS, GPU_BANDS = 16, 512

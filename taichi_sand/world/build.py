@@ -16,11 +16,11 @@ from taichi_sand.world.clumps import build_shapes
 from taichi_sand.world.extras.grain_rows import allocate_carried, allocate_grains, new_rows
 from taichi_sand.world.extras.links import build_links
 from taichi_sand.world.extras.materials import lay_materials
+from taichi_sand.world.extras.sinks import build_flow
 from taichi_sand.world.search.cell_list import allocate_grid
 from taichi_sand.world.search.growth import KINDS, NO_ROOMS, Rooms, Sizes, foreseen, sizes_of
 from taichi_sand.world.search.large_grains import part_boulders
 from taichi_sand.world.search.neighbour_list import LEAST_SKIN, LEAST_SLACK, MOST_REACH, MOST_SKIN, MOST_SLACK
-from taichi_sand.world.sinks import build_flow
 from taichi_sand.world.sleep.state import allocate_sleep_state, start_awake
 from taichi_sand.world.tables import (
     LANES,

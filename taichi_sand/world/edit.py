@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from taichi_sand.world.blocks import block_count
 from taichi_sand.world.extras.grain_rows import beside, new_rows, put_row
 from taichi_sand.world.geometry import distance_to_second, mobility, motion_of, movable, position, velocity
 from taichi_sand.world.motion import speed_squared
 from taichi_sand.world.sleep.fall_asleep import wake
-from taichi_sand.world.sweep import block_count
 from taichi_sand.world.tables import World
 from taichi_sand.world.walls.motion import held_up
 

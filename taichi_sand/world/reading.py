@@ -4,24 +4,42 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+import taichi as ti
 
-from taichi_sand.taichi_support.host_access import PLAIN, members_of, plain, view
+from taichi_sand.taichi_support.host_access import PLAIN, members_of, plain, reader
 from taichi_sand.world.tables import World
+
+PARTS = {"velocity": (0, 2), "spin": (2, 1)}
+"""Which numbers of the column `twist` these are: the first, and how many."""
+Pairs = ti.types.ndarray(dtype=ti.types.vector(2, None), ndim=1)
+Table = ti.types.ndarray(ndim=2)
+Ranks = ti.types.ndarray(ndim=1)
 
 
 def rows_of(field: Any, count: int) -> np.ndarray:
     """The first rows of a column, (count,) or (count, components): the numbers themselves where they lie in memory, not a copy."""
-    members = members_of(field)
-    if PLAIN or not plain(members[0]):
-        return field.to_numpy()[:count]
-    views = [view(member)[:count] for member in members]
-    first, size = views[0], views[0].itemsize
-    starts = [one.__array_interface__["data"][0] for one in views]
-    if len(views) == 1:
-        return first
-    if starts != [starts[0] + k * size for k in range(len(views))]:
-        return np.stack(views, axis=1)
-    return np.lib.stride_tricks.as_strided(first, (count, len(views)), (first.strides[0], size))
+    kept = vars(field)
+    if "read" not in kept:  # to find them takes as long as to copy 10000
+        kept["read"] = reader(field)
+    return kept["read"]()[:count]
+
+
+@ti.kernel
+def lay_places(site: Pairs, offset: Pairs, shift: Pairs, rank: Ranks, spacing: ti.types.ndarray(dtype=ti.f64, ndim=1), places: Pairs):
+    """Centres of grains, by rank."""
+    ti.loop_config(serialize=True)
+    for i in range(rank.shape[0]):
+        x = (ti.cast(site[i], ti.f64) + 0.5) * ti.Vector([spacing[0], spacing[1]])
+        places[rank[i]] = x + offset[i] + shift[i]
+
+
+@ti.kernel
+def lay_part(column: Table, start: ti.i32, rank: Ranks, part: Table):
+    """Some numbers of every row, from `start` on, by rank."""
+    ti.loop_config(serialize=True)
+    for i in range(rank.shape[0]):
+        for k in range(part.shape[1]):
+            part[rank[i], k] = column[i, start + k]
 
 
 @lru_cache(maxsize=1)
@@ -41,7 +59,7 @@ def ranks(world: World) -> np.ndarray:
         return found
     last = int(ids.max())
     if last == len(ids) - 1:
-        return ids.astype(np.intp)
+        return ids
     present = np.zeros(last + 1, np.int64)
     present[ids] = 1
     return (np.cumsum(present) - 1)[ids]
@@ -52,7 +70,21 @@ def read_columns(world: World, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     one. Numbers of f64, but `radius` and `mobility` as they are stored.
     """
     g, count, rank = world.grains, world.count[None], ranks(world)
-    return {name: in_order(values, rank) for name, values in ((name, column_of(world, g, name, count)) for name in names)}
+    quick = count > 0 and not PLAIN and plain(members_of(g.site)[0])
+    found: dict[str, np.ndarray] = {}
+    for name in names:
+        if quick and name == "position":
+            spacing = np.array([*world.box.get_member_field("spacing")[None]], float)
+            found[name] = np.empty((count, 2))
+            lay_places(*(rows_of(column, count) for column in (g.site, g.offset, g.shift)), rank, spacing, found[name])
+        elif quick and name in PARTS:
+            start, width = PARTS[name]
+            found[name] = np.empty((count, width))
+            lay_part(rows_of(g.twist, count), start, rank, found[name])
+            found[name] = found[name] if width > 1 else found[name][:, 0]
+        else:
+            found[name] = in_order(column_of(world, g, name, count), rank)
+    return found
 
 
 def in_order(rows: np.ndarray, rank: np.ndarray) -> np.ndarray:

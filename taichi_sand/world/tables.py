@@ -105,7 +105,7 @@ class World:
     walls: Any  # world.walls.Walls
     movers: Any  # world.movers.Movers, or None if no wall moves
     moves: bool  # whether a wall does
-    flow: Any  # world.sinks.Flow, or None if grains neither come nor go
+    flow: Any  # world.extras.sinks.Flow, or None if grains neither come nor go
     flows: bool  # whether they do
     pace: Any  # 0-D world.tables.Pace: what the list build allows the march
     lacks: Any  # by how much larger the tables would have to be for what the last list build found (world.search.growth); shape (KINDS,)

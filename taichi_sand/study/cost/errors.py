@@ -10,8 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sand.measure import observe
-from taichi_sand.measure.report import look_at_pairs, motion, packing_fraction
+from taichi_sand.measure.grain_state import masses as mass_and_inertia
+from taichi_sand.measure.loads import Loads
+from taichi_sand.measure.packing import packing_fraction
+from taichi_sand.measure.pairs import pairs_of
+from taichi_sand.measure.report import motion
 from taichi_sand.solvers.tolerance import softness
 from taichi_sand.world.reading import read_columns
 
@@ -54,8 +57,7 @@ def gravity_of(sim: Any) -> np.ndarray:
 
 def masses(sim: Any) -> np.ndarray:
     """Masses of the grains that can move [kg], 0 for the others; shape (n,), in the order of the scene."""
-    mobility = read_columns(sim.world, ("mobility",))["mobility"][:, 0].astype(float)
-    return np.where(mobility > 0, 1 / np.maximum(mobility, 1e-300), 0.0)
+    return mass_and_inertia(read_columns(sim.world, ("mobility",))["mobility"])[:, 0]
 
 
 def energy(sim: Any, moved: dict[str, Any], overlaps: np.ndarray) -> float:
@@ -76,8 +78,7 @@ def step_gain(sim: Any, mass: np.ndarray, outer: np.ndarray) -> float:
     before = mass @ sim.velocities
     sim.advance_steps(1)
     after = mass @ sim.velocities
-    total, _ = look_at_pairs(sim)
-    now = total[[observe.OUTER_X, observe.OUTER_Y]]
+    now = Loads(pairs_of(sim)).outer()
     own = sim.scene.solver.kind == "rigid" or sim.scene.solver.integrator == "symplectic_euler"
     force = (now if own else 0.5 * (now + outer)) + mass.sum() * gravity_of(sim)
     scale = mass @ np.hypot(*sim.velocities.T) + mass.sum() * np.hypot(*gravity_of(sim)) * sim.step
@@ -89,21 +90,19 @@ def begin(sim: Any) -> Diary:
     moved = motion(sim)
     weight = masses(sim).sum() * np.hypot(*gravity_of(sim))
     diary = Diary(scale=moved["kinetic_energy_J"] + 0.5 * weight * moved["bed_height_m"])
-    _, overlaps = look_at_pairs(sim)
-    diary.energy.append(energy(sim, moved, overlaps))
+    diary.energy.append(energy(sim, moved, Loads(pairs_of(sim)).overlaps))
     return diary
 
 
 def note(sim: Any, diary: Diary, late: bool) -> None:
     """Notes the state; overlaps and forces only if it is `late` enough for the bed to rest, if it ever does."""
-    total, overlaps = look_at_pairs(sim)
-    moved = motion(sim)
-    diary.energy.append(energy(sim, moved, overlaps))
+    loads, moved = Loads(pairs_of(sim)), motion(sim)
+    diary.energy.append(energy(sim, moved, loads.overlaps))
     if late:
-        outer = total[[observe.OUTER_X, observe.OUTER_Y]]
+        outer = loads.outer()
         mass = masses(sim)
         weight = mass.sum() * gravity_of(sim)
-        diary.overlaps.append(overlaps / sim.bed.diameter)
+        diary.overlaps.append(loads.overlaps / sim.bed.diameter)
         if weight.any():
             diary.outer.append(float(-outer @ weight / (weight @ weight)))
         diary.gain.append(step_gain(sim, mass, outer))

@@ -11,10 +11,10 @@ import taichi as ti
 from taichi_sand.taichi_support import field_pool
 from taichi_sand.world.clumps import head
 from taichi_sand.world.extras.grain_rows import CELL, NUMBERS, WHOLE, load_row, sort_carried, store_row
+from taichi_sand.world.extras.sinks import drain
 from taichi_sand.world.flags import ESCAPED, NOWHERE, flag
 from taichi_sand.world.geometry import position, present, velocity
 from taichi_sand.world.search.prefix_sum import prefix_sum, put_in_order, scratch_rows
-from taichi_sand.world.sinks import drain
 from taichi_sand.world.tables import ABREAST, STRIPS
 
 

@@ -8,12 +8,12 @@ blocks of the sweep, that block is swept first, by itself.
 import numpy as np
 import taichi as ti
 
+from taichi_sand.world.blocks import block_count
 from taichi_sand.world.geometry import position
 from taichi_sand.world.search.candidates import list_pair, list_range
 from taichi_sand.world.search.cell_list import cell_count
 from taichi_sand.world.search.growth import BOULDER_WALLS, BOULDERS, lack
 from taichi_sand.world.search.wall_candidates import list_walls
-from taichi_sand.world.sweep import block_count
 from taichi_sand.world.tables import round_up
 
 BOULDER = 3.0

@@ -4,6 +4,7 @@ from typing import Any
 
 import taichi as ti
 
+from taichi_sand.world.blocks import always, sweep_block
 from taichi_sand.world.extras.grain_rows import clear_motion, copy_at_rest
 from taichi_sand.world.extras.steady_force import steady_force
 from taichi_sand.world.geometry import add, perp, position, wall_row
@@ -12,7 +13,7 @@ from taichi_sand.world.search.neighbour_list import build_neighbour_list_now
 from taichi_sand.world.search.prefix_sum import prefix_sum, put_in_order
 from taichi_sand.world.sleep.state import ASLEEP, MOST_PRICE, home, shake, site_of, sleep_pays, sleeper_block
 from taichi_sand.world.sleep.wake import clear_stale_rows_now, wake_some_now
-from taichi_sand.world.sweep import always, sweep_block, sweep_cells
+from taichi_sand.world.sweep import sweep_cells
 from taichi_sand.world.tables import World
 
 

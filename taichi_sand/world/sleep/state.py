@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 import taichi as ti
 
 from taichi_sand.taichi_support import field_pool
+from taichi_sand.world.blocks import block_count
 from taichi_sand.world.geometry import perp, spin, velocity
-from taichi_sand.world.sweep import block_count, pairs_awake
+from taichi_sand.world.sweep import pairs_awake
 from taichi_sand.world.tables import site_rows
 
 ASLEEP = 1e9

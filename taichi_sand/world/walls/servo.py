@@ -12,8 +12,8 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.taichi_support.noinline import noinline
+from taichi_sand.world.blocks import block_count, going
 from taichi_sand.world.geometry import distance_to_second, perp, wall_row
-from taichi_sand.world.sweep import block_count, going
 
 MOST_TRIALS = 24
 """Rates that are tried in a step; at rest two are, on a hard landing some ten."""
