@@ -13,8 +13,8 @@ EVERY = 0.05
 
 @pytest.mark.parametrize("name", ["hourglass", "hard_sand", "hopper"])
 def test_in_freud(name: str, tmp_path: Path) -> None:
-    """What touches, as freud finds it from places and radii over the box of the file, is bonded, and nothing is that is apart; grains of
-    several discs, and such as come and go.
+    """What touches, as freud finds it from places and radii over the box of the file, is bonded, and nothing is that is apart; grains that
+    come and go, too.
     """
     freud = pytest.importorskip("freud", reason="freud-analysis has no wheel for this Python")
     sim = sand.Simulation(sand.load(name), threads=1)
@@ -33,7 +33,8 @@ def test_in_freud(name: str, tmp_path: Path) -> None:
         found = freud.locality.AABBQuery(box, p.position).query(p.position, {"r_max": reach, "exclude_ii": True}).toNeighborList()
         one, two = found[:].T
         radii = p.diameter / 2
-        touch = (found.distances < radii[one] + radii[two] - 1e-6) & (ids[one] < ids[two])
+        straight = np.linalg.norm(p.position[one] - p.position[two], axis=1) < reach  # these boxes have walls: freud goes on beyond them
+        touch = straight & (found.distances < radii[one] + radii[two] - 1e-6) & (ids[one] < ids[two])
         bonded = {(int(i), int(j)) for i, j in group}
         assert {(int(i), int(j)) for i, j in zip(one[touch], two[touch], strict=True)} <= bonded and len(bonded) == len(group)
         apart = box.compute_distances(p.position[group[:, 0]], p.position[group[:, 1]]) - radii[group].sum(axis=1)
@@ -44,4 +45,4 @@ def test_in_freud(name: str, tmp_path: Path) -> None:
     single = last.particles.body < 0
     assert last.particles.diameter[single] / 2 == pytest.approx(sim.radii[rows][single], rel=1e-6)
     numbers = {frame.particles.N for frame in frames}
-    assert (len(numbers) > 1) == (name == "hopper") and single.all() == (name != "hard_sand")
+    assert (len(numbers) > 1) == (name == "hopper")
