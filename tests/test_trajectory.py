@@ -1,5 +1,6 @@
 """Trajectories: what gsd reads back is the simulation, at the times asked for, whatever happens on the way."""
 
+import math
 import os
 import signal
 import subprocess
@@ -17,6 +18,7 @@ from typer.testing import CliRunner
 import taichi_sand as sand
 from taichi_sand.cli.main import app
 from taichi_sand.files.trajectory import STEP, Trajectory
+from taichi_sand.measure.frame import mean_radius
 from tests.helpers import digest
 from tests.test_writing import disk_of
 
@@ -129,6 +131,13 @@ def test_a_frame_says_what_the_grains_are(discs: tuple[Any, Frames, Path]) -> No
     report = sim.report()
     for name in ("kinetic_energy_J", "potential_energy_J"):
         assert frames[-1].log[name][0] == pytest.approx(report[name], rel=1e-6)
+
+
+def test_types_of_distributed_sizes() -> None:
+    """Their shape is that of the mean: of a log-normal law, median exp(sigma² / 2)."""
+    law = {"distribution": "lognormal", "median": 0.004, "sigma": 0.2}
+    table = sand.Scene(size=(1, 1), grains=[{"radius": law, "count": 5}]).grains[0]
+    assert mean_radius(table) == pytest.approx(0.004 * math.exp(0.02), rel=2e-3)
 
 
 def test_a_resumed_run_goes_on_with_it(discs: tuple[Any, Frames, Path], tmp_path: Path) -> None:

@@ -41,6 +41,7 @@ from taichi_sand.measure.pairs import (
     place,
     real_of,
 )
+from taichi_sand.scene.sizes import Sizes, spread
 from taichi_sand.taichi_support.host_access import reader
 from taichi_sand.world.clumps import disc_around, discs_around
 from taichi_sand.world.geometry import mobility, perp, spin, velocity
@@ -50,6 +51,8 @@ Couples, Names, Turns, Vectors, Energies = (
     ti.types.ndarray(dtype=ti.types.vector(width, kind), ndim=1)
     for width, kind in ((2, ti.i32), (3, ti.i32), (2, ti.f32), (3, ti.f32), (2, None))
 )
+SHARES = 1000
+"""Shares of the grains by which a distribution is summed up."""
 TYPE, BODY, ID = range(3)
 """Names of a particle."""
 
@@ -63,6 +66,8 @@ def words(lines: list[str]) -> np.ndarray:
 
 def mean_radius(table: Any) -> float:
     """Of the discs of a table of grains or sources [m]; 0 if it has none."""
+    if isinstance(table.radius, Sizes):
+        return float(spread(table.radius, (np.arange(SHARES) + 0.5) / SHARES).mean())
     return float(np.mean(table.radius or [row[2] for row in table.positions if len(row) > 2] or [0.0]))
 
 
