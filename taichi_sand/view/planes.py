@@ -89,7 +89,7 @@ def scene_of(sim: Any) -> dict[str, Any]:
         "box": box_of(sim),
         "edges": [getattr(scene.edges, side) == "wall" for side in SIDES],
         "periodic": list(scene.periodic),
-        "kinds": [table.shape for table in (*scene.grains, *scene.sources)],
+        "kinds": [" ".join(filter(None, (table.material, table.shape))) for table in (*scene.grains, *scene.sources)],
         "facts": f"{scene.solver.kind}, tolerance {scene.solver.tolerance:g} d",
         "diameter": float(sim.world.box[None].diameter),
         "views": [name for name in names if name != PHOTOELASTIC],
