@@ -29,7 +29,7 @@ SCENE = {
         {"positions": [[0.15, 0.02]], "radius": 0.01, "fixed": True},
     ],
     "walls": [{"points": [[0.05, 0.1], [0.15, 0.06]], "shake": {"amplitude": [0.01, 0.0], "frequency": 2.0}}],
-    "effects": {"friction": {"mu": 0.4}, "sleeping": {}},
+    "effects": {"friction": {"mu": 0.4}},
     "view": {"width": WIDTH, "caption": False},
 }
 """Clumps and discs that fly around a periodic box and fall out of it, past one that is fixed and a wall that shakes."""
@@ -131,6 +131,7 @@ def test_the_picture_is_that_of_the_film(flat: bool, made: Made, chromium: Any, 
 
 def test_nothing_of_a_scene_is_code(made: Made, chromium: Any) -> None:
     with opened(chromium, made.path.as_uri()) as page:
+        until(page, "document.getElementById('title').textContent")
         assert page.title() == HOSTILE and page.inner_text("#title") == HOSTILE
         assert page.evaluate("document.querySelectorAll('#title *').length") == 0
 

@@ -1,12 +1,18 @@
 """Water as a part of the program: bits, checkpoints, undo, what is told of it, what it looks like."""
 
+import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from helpers import digest, fresh_taichi
 
 import taichi_sand as sand
+from taichi_sand.measure import structure
+from taichi_sand.play.session import Session
+from taichi_sand.run.watering import Watering
+from taichi_sand.view import picture
 from taichi_sand.world import edit
 
 SCENE = {
@@ -88,11 +94,79 @@ def test_what_is_under_water_is_soaked() -> None:
     tables = {"grains": grains, "walls": walls, "effects": more, "water": [{"region": [0.0, 0.0, 0.3, 0.08]}]}
     sim = sand.Simulation(sand.Scene(**{**SCENE, **tables}), threads=1)
     sim.advance(2.5)
-    wetness, place = sim.world.carried.wetness.to_numpy()[: sim.count], edit.places(sim.world)[0]
+    place, wetness = edit.places(sim.world)[0], np.zeros(sim.world.capacity, np.float32)
+    structure.moisture(sim.world, wetness)
+    wetness = wetness[: sim.count]
     under = place[:, 1] < 0.08
     assert under.sum() == 30
     assert wetness[under].min() == pytest.approx(1.0, abs=1e-6) and wetness[~under] == pytest.approx(0.1, abs=1e-6)
     assert sim.report()["grains_asleep"] >= 25
+
+
+def test_no_water_is_lost() -> None:
+    """With `moisture`: what grains take up is gone from the water, what they let go of is there again, and what drains leaves them wet."""
+    fresh_taichi()
+    grains = [{"radius": [0.0028, 0.0032], "fill": "hexagonal", "region": [0.1, 0.0, 0.3, 0.06]}]
+    more = {"water": {}, "moisture": {"wetness": 0.0}, "friction": {}}
+    tables = {"grains": grains, "effects": more, "water": [{"region": [0.0, 0.0, 0.08, 0.18]}]}
+    sim = sand.Simulation(sand.Scene(**{**SCENE, **tables}), threads=1)
+    start = sim.report()
+    for _ in range(4):
+        sim.advance(0.3)
+        now = sim.report()
+        assert now["water_m2"] + now["water_held_m2"] == pytest.approx(start["water_m2"], rel=1e-6)
+    assert start["water_held_m2"] == 0 and now["water_held_m2"] > 0.02 * start["water_m2"]
+    held = now["water_held_m2"]
+    sim.wet(0.2, 0.02, 0.03, 0.5)
+    total = sim.report()["water_m2"] + sim.report()["water_held_m2"]
+    assert sim.report()["water_held_m2"] > 1.1 * held
+    sim.advance(0.5)
+    now = sim.report()
+    assert now["water_held_m2"] < 1.1 * held  # under water they have let go of it
+    assert now["water_m2"] + now["water_held_m2"] == pytest.approx(total, rel=1e-6)
+
+
+def test_a_bed_under_water_is_lighter() -> None:
+    """The dial knows that it presses with less than two thirds of its weight, and takes longer steps."""
+    tables = {"grains": [{"radius": [0.0028, 0.0032], "fill": "hexagonal", "region": [0.0, 0.0, 0.3, 0.1]}]}
+    steps = []
+    for depth in (0.01, 0.15):
+        fresh_taichi()
+        sim = sand.Simulation(sand.Scene(**{**SCENE, **tables, "water": [{"region": [0.0, 0.0, 0.3, depth]}]}), threads=1)
+        sim.advance(0.6)
+        steps.append(sim.step)
+        lift = sim.bed.lift
+        sim.close()
+    assert lift == pytest.approx(0.3)  # 1000 / 2650 = 0.38, rounded down
+    assert steps[1] > 1.1 * steps[0]
+
+
+def test_water_by_hand() -> None:
+    """The tools fill the brush with water, take it out again, and sweep it along; without the effect they say what is missing."""
+    fresh_taichi()
+    session = Session(sand.Scene(**SCENE), threads=1)
+    start = session.sim.report()["water_m2"]
+    session.brush.size = 0.03
+    more = []
+    for tool in ("water", "drain"):
+        session.do(["choose", tool])
+        session.do(["stroke", "press", 0.22, 0.16, 0.0, 0.0])
+        session.do(["stroke", "release", 0.22, 0.16, 0.0, 0.0])
+        more.append(session.sim.report()["water_m2"] - start)
+    assert more[0] == pytest.approx(math.pi * 0.03**2, rel=0.4)  # whole cells
+    assert abs(more[1]) < 0.4 * more[0]
+    session.do(["choose", "wave"])
+    session.do(["stroke", "press", 0.05, 0.08, 0.0, 0.0])
+    session.do(["stroke", "drag", 0.06, 0.08, 0.5, 0.0])
+    f = session.sim.pausing["water"].fluid
+    assert f.velocity.to_numpy()[: f.now[None].markers, 0].max() == pytest.approx(0.5)
+    session.advance(3)
+    assert not session.message
+    session.drop()
+    dry: Any = Watering()
+    dry.pausing, dry.runner = {}, None
+    with pytest.raises(sand.SandError, match=r"no table \[effects\.water\]"):
+        dry.pour_water(0.1, 0.1, 0.1)
 
 
 WRONG = {
@@ -122,3 +196,12 @@ def test_it_is_seen() -> None:
     red, _, blue = (image[..., k] for k in range(3))
     assert (blue - red)[80:190, 10:90].min() > 40
     assert np.abs(blue - red)[10:40, 10:90].max() < 10
+    sim.advance(0.1)
+    painter = picture.painter_of(sim)
+    for color, top in (("water pressure", 1000 * 9.81 * 0.15), ("water speed", 1.0)):
+        painter.color = color
+        painter.paint(sim.time)
+        assert 0.2 * top < painter.legend.top < 2.0 * top
+    painter.color = "saturation"
+    painter.paint(sim.time)
+    assert painter.legend.top == 1.0

@@ -111,7 +111,8 @@ def render(
         str | None,
         typer.Option(
             "--color",
-            help="kind, speed, energy, force, pressure, stress, deviator, rotation, order, temperature, moisture or photoelastic.",
+            help="kind, speed, energy, force, pressure, stress, deviator, rotation, order, temperature, moisture, saturation, "
+            "'water pressure', 'water speed' or photoelastic.",
         ),
     ] = None,
     overrides: Overrides = None,

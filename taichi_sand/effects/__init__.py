@@ -162,8 +162,14 @@ def bed(tables: Mapping[str, Any], world: Any) -> dict[str, Any]:
         "pull": sum(effect.pull(values) for effect, values in found),
         "push": sum(effect.push(values, world) for effect, values in found),
         "steady": max((effect.steady(values, world) for effect, values in found), default=0.0),
+        "lift": lift(tables, world),
         "rough": any(effect.resists(values) for effect, values in found) or (world.mixed and "friction" in tables),
     }
+
+
+def lift(tables: Mapping[str, Any], world: Any) -> float:
+    """By how much of their weight these effects make all grains lighter at the moment, 0 … 1."""
+    return min(1.0, sum(find(name).lift(values, world) for name, values in tables.items()))
 
 
 def tables(name: str, values: dict[str, Any], scene: Any, grains: Any, world: Any) -> tuple:

@@ -108,6 +108,11 @@ class Effect:
         return 0.0
 
     @classmethod
+    def lift(cls, values: dict[str, Any], world: Any) -> float:
+        """By how much of their weight it makes all grains lighter at the moment, 0 … 1."""
+        return 0.0
+
+    @classmethod
     def resists(cls, values: dict[str, Any]) -> bool:
         """Whether it keeps contacts from sliding."""
         return False

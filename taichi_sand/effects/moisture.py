@@ -14,7 +14,7 @@ import taichi as ti
 
 from taichi_sand.effects.base import Effect
 from taichi_sand.scene.parameters import Parameter
-from taichi_sand.world.extras.wetness import MOIST, bond_share
+from taichi_sand.world.extras.wetness import MOIST, bond_share, soaked
 from taichi_sand.world.geometry import add, at_least, at_most, distance_to_second
 from taichi_sand.world.sleep.state import call
 from taichi_sand.world.sweep import every_pair
@@ -62,8 +62,10 @@ def flow(w: ti.template(), s: ti.template()):
     ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         air = at_least(0.0, 1.0 - water.contacts[i] / SHIELD)
+        if ti.static(hasattr(w.carried, "water_wet")):
+            air *= 1.0 - at_least(0.0, water.water_wet[i])
         water.wetness[i] = water.wetness[i] * ti.exp(-c.moisture_evaporation * air * time)
-        share = bond_share(water.wetness[i])
+        share = bond_share(soaked(w, i))
         if ti.static(w.sleeps):
             if i >= w.sleep.state[None].awake and ti.abs(share - water.bonded[i]) > WAKING:
                 call(w, i)

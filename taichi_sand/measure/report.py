@@ -24,7 +24,9 @@ between smooth sides gives its weight.
 `heat_J`: with the effect `heat`: energy that contacts have turned into heat, of the grains present [J].
 `wetness_mean`: with the effect `moisture`: mean wetness, weighted by mass.
 `momentum_taken_Ns`: with the effect `safe_direction`: momentum that the rule has taken from the grains, [x, y] [N s].
-`water_m2`: with the effect `water`: area of the water that there is, over the box; what left through open edges is gone.
+`water_m2`: with the effect `water`: area of the water that flows or stands, in the open and in pores, over the box.
+`water_gone_m2`: of that which has left through open edges.
+`water_held_m2`: with `moisture` too: of that which grains hold by themselves; they take it from the water, and give it back.
 `water_floor_Pa`: mean pressure of the water on the lower edge of the box.
 `water_speed_max_m_s`: of its fastest marker, along x or y.
 `water_divergence_1_s`: largest divergence that the projection has left.

@@ -9,6 +9,7 @@ import taichi as ti
 
 from taichi_sand.measure.pairs import gap_now
 from taichi_sand.world.clumps import turned
+from taichi_sand.world.extras.wetness import soaked
 from taichi_sand.world.geometry import add, mobility, movable, perp, position, spin, velocity
 from taichi_sand.world.search.pair_history import BEYOND
 from taichi_sand.world.sweep import every_pair
@@ -71,8 +72,13 @@ def temperature(world: World, out: np.ndarray) -> None:
 
 
 def moisture(world: World, out: np.ndarray) -> None:
-    """Wetness of the grain, 0 .. 1."""
-    fill_carried(world, world.carried.wetness, out)
+    """Wetness of the grain, with the water around it, 0 .. 1."""
+    fill_saturation(world, out)
+
+
+def saturation(world: World, out: np.ndarray) -> None:
+    """How much of the pores around the grain is full of water, 0 .. 1: of its own, and of that which flows."""
+    fill_saturation(world, out)
 
 
 def order(world: World, out: np.ndarray) -> None:
@@ -108,6 +114,18 @@ def fill_carried(w: ti.template(), column: ti.template(), out: Rows):
     ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
         out[i] = ti.cast(column[i], ti.f32)
+
+
+@ti.kernel
+def fill_saturation(w: ti.template(), out: Rows):
+    """Share of the pores that is full."""
+    for i in range(w.count[None]):
+        share = ti.cast(0.0, w.real)
+        if ti.static(hasattr(w.carried, "wetness")):
+            share = soaked(w, i)
+        else:
+            share = ti.max(0.0, w.carried.water_wet[i])
+        out[i] = ti.cast(share, ti.f32)
 
 
 @ti.kernel

@@ -159,6 +159,24 @@ def _water(stroke: Stroke, amount: float) -> None:
     stroke.sim.wet(stroke.x, stroke.y, brush.size, amount * brush.strength)
 
 
+def pour_water(stroke: Stroke) -> None:
+    """Fills the brush with water."""
+    stroke.sim.pour_water(stroke.x, stroke.y, stroke.session.brush.size)
+
+
+def drain_water(stroke: Stroke) -> None:
+    """Takes out the water under the brush."""
+    stroke.sim.drain_water(stroke.x, stroke.y, stroke.session.brush.size)
+
+
+def sweep_water(stroke: Stroke) -> None:
+    """Has the water under the brush move as the hand does."""
+    brush = stroke.session.brush
+    if stroke.phase != "press":
+        velocity = (brush.strength * stroke.vx, brush.strength * stroke.vy)
+        stroke.sim.push_water(stroke.x, stroke.y, brush.size, velocity)
+
+
 @dataclass(frozen=True)
 class Tool:
     """What the mouse does."""
@@ -189,5 +207,8 @@ TOOLS = {
         Tool("erase", "e", "rub out walls under the brush (right button: draw one)", wall_tools.erase, "wall"),
         Tool("wet", "w", "pour water on the grains under the brush (right button: dry)", wet, "dry", ("size", "strength")),
         Tool("dry", "d", "take water out of the grains under the brush (right button: wet)", dry, "wet", ("size", "strength")),
+        Tool("water", "o", "pour water that flows (right button: drain)", pour_water, "drain"),
+        Tool("drain", "q", "take out the water that flows under the brush (right button: water)", drain_water, "water"),
+        Tool("wave", "j", "sweep the water under the brush along (right button: drain)", sweep_water, "drain", ("size", "strength")),
     )
 }

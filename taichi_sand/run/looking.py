@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from taichi_sand import effects as effect_modules
 from taichi_sand.scene.schema import Scene
 from taichi_sand.scene.shapes import BUILT_IN, form
 from taichi_sand.solvers import choose
@@ -49,7 +50,7 @@ class Looking:
         if not self.count or self._sleepy():
             return
         if self.bed.gravity:
-            self.bed = self._deeper(self.bed)
+            self.bed = replace(self._deeper(self.bed), lift=effect_modules.lift(self.scene.effects, self.world))
         unit = math.sqrt(self.bed.gravity * self.bed.diameter)
         share, deep, fastest = edit.strained(self.world, self.scene.solver.tolerance * self.bed.diameter, REST * unit)
         if self.bed.gravity and follows_tolerance(self.scene.solver):

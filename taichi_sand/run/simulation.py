@@ -26,6 +26,7 @@ from taichi_sand.run.recording import Recorded, Recorder
 from taichi_sand.run.saving import Keeping
 from taichi_sand.run.steering import Steering
 from taichi_sand.run.tuning import Tuning
+from taichi_sand.run.watering import Watering
 from taichi_sand.scene import loading
 from taichi_sand.scene.packing import pack
 from taichi_sand.scene.schema import Scene
@@ -48,7 +49,7 @@ WALL_ROOM = (4096, 65536)
 """Room for entries of walls (a grain's width of wall has some five), without and with a hand that may draw them."""
 
 
-class Simulation(Instrument, Growing, Tuning, Steering, Staged, Calling, Looking, Pausing, Keeping, Recorded, Readings):
+class Simulation(Instrument, Growing, Tuning, Watering, Steering, Staged, Calling, Looking, Pausing, Keeping, Recorded, Readings):
     """A scene in motion.
 
     Args:

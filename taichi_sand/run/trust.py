@@ -159,8 +159,11 @@ INDICES: dict[str, tuple[Bound, Bound] | str] = {
     **{f"effects.fluid.now:{name}": (0, LARGEST) for name in ("top", "rounds", "gone", "full")},
     "effects.fluid.now:markers": (0, LARGEST),  # kernels take no more than there is room for
     "effects.fluid.now:free": FLAG,
+    "effects.fluid.now:fenced": FLAG,
     "effects.fluid.wells.made": (0, LARGEST),
     "effects.fluid.cells.kind": (-1, 1),
+    **{f"effects.fluid.cells.{name}": ANY for name in ("label", "met")},  # scratch
+    **{f"effects.fluid.{name}.block": (0, 2) for name in "uv"},
     **{f"effects.fluid.{name}.known": (-2, 4) for name in "uv"},
 }
 """Least and largest value of every table of whole numbers."""

@@ -1,4 +1,4 @@
-"""What can be changed of a simulation while it goes on: live numbers, walls, water."""
+"""What can be changed of a simulation while it goes on: live numbers, walls."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sand.errors import SandError
 from taichi_sand.run import live
 from taichi_sand.run.entry import changes, reads
 from taichi_sand.scene.materials import matrices
@@ -14,7 +13,6 @@ from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers import choose
 from taichi_sand.solvers.bed import Bed, height_of
 from taichi_sand.world.extras.materials import write_materials
-from taichi_sand.world.extras.wetness import pour
 from taichi_sand.world.sleep.fall_asleep import wake
 from taichi_sand.world.walls.build import (
     change_walls,
@@ -135,15 +133,3 @@ class Tuning:
     def wall_points(self) -> list[np.ndarray]:
         """Corners of every one of the `[[walls]]` where it is now [m], (n, 2) each, of a closed one the first again at the end."""
         return standing_walls(self.world, self.scene)
-
-    @changes
-    def wet(self, x: float, y: float, radius: float, amount: float) -> int:
-        """Adds `amount` (below 0: takes water away) to the wetness, 0 … 1, of the grains within `radius` of (x, y) [m], and wakes who
-        sleeps; returns how many grains these are. SandError without the effect `moisture`.
-        """
-        if not hasattr(self.world.carried, "wetness"):
-            raise SandError("nothing can be wetted: the scene has no table [effects.moisture]", "effects.moisture")
-        found = pour(self.world, x, y, radius, amount)
-        if self.world.sleeps:
-            self.renew()
-        return int(found)

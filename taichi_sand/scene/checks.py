@@ -153,7 +153,7 @@ def _moving_wall(table: Any) -> None:
             raise Wrong("force", " goes with a `velocity` alone, not with `spin` or `shake`")
 
 
-SHOWS = {"temperature": "heat", "moisture": "moisture"}
+SHOWS = {"temperature": "heat", "moisture": "moisture", **dict.fromkeys(("saturation", "water pressure", "water speed"), "water")}
 """Values of view.color that there are only with an effect."""
 
 

@@ -56,7 +56,8 @@ Name = Annotated[str, BeforeValidator(_as_name)]
 Angle = Annotated[float | str, BeforeValidator(_as_angle)]
 Edge = Literal["wall", "open", "periodic"]
 Numeric = Literal["speed", "energy", "force", "pressure", "stress", "deviator", "rotation", "order", "temperature", "moisture"]
-Color = Literal["kind", Numeric, "photoelastic"]
+OfWater = Literal["saturation", "water pressure", "water speed"]
+Color = Literal["kind", Numeric, OfWater, "photoelastic"]
 
 
 def plain(value: Any) -> Any:

@@ -55,6 +55,7 @@ class Bed:
     thrust: float = 0.0  # of walls with force on a column of grains [N]
     steady: float = 0.0  # largest force of an effect on a single grain [N]
     ram: float = 0.0  # energy of walls with force and mass for each grain that they may run into [J]
+    lift: float = 0.0  # by how much of their weight effects make all grains lighter
     strain: float = 1.0  # by how much more contacts have been found to bear than all that explains
     late: int = 0  # looks in turn that have found so
     height: float = 0.0  # of the box, along gravity; its longer side without any [m]
@@ -111,7 +112,7 @@ class Bed:
     @property
     def pressing(self) -> float:
         """What a grain presses with on those below or behind it, over its mass [m/s2]."""
-        return self.gravity + self.push / self.mass
+        return self.gravity * (1.0 - self.lift) + self.push / self.mass
 
     @property
     def squeeze(self) -> float:

@@ -141,6 +141,7 @@ class Painter:
         self.legend = None
         if self.water:
             self.water.look()
+            self._colour_water(time)
             self.water.paint(canvas, self.width, self.height, BEHIND)
         self._colour(time)
         if self.sleepers and self.world.sleeps and not (self.force_chains or self.dimmed):
@@ -173,6 +174,12 @@ class Painter:
         values, top = self._scales.measure(self.color, time)
         kernels.colour_by_value(self.world, values, max(top, 1e-30), table, fixed, self._colours)
         self.legend = Legend(self.color, VIEWS[self.color].unit, top, table)
+
+    def _colour_water(self, time: float) -> None:
+        """Has the water show its pressure or speed, if that is asked for."""
+        self._scales.water = self.water
+        if self.color in VIEWS and VIEWS[self.color].measure is None:
+            self.water.colour(self._scales.of_water(self.color, time), self._maps[self.color])
 
     def _paint_fringes(self, canvas: np.ndarray, time: float) -> None:
         """Grains as photoelastic discs; a fringe goes with the forces there are."""

@@ -103,7 +103,7 @@ class Planes:
     def __init__(self, sim: Any) -> None:
         self.sim, self.world = sim, sim.world
         self.scales = Scales(sim.world)
-        self.pool = water_of(sim)
+        self.pool = self.scales.water = water_of(sim)
         self.tones = sand_tones(max(1, len(sim.scene.grains) + len(sim.scene.sources)))
         self.roster: Roster | None = None
         self._colours = np.zeros(sim.world.capacity, np.uint32)

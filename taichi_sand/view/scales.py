@@ -20,16 +20,24 @@ class Scales:
         self._values, self._moving = np.zeros(world.capacity, np.float32), np.zeros(world.capacity, np.float32)
         self._ranges = {name: Range(view.least) for name, view in VIEWS.items()}
         self.chains = Range()
+        self.water: Any = None  # view.water.Pool, where there is water
 
     def measure(self, name: str, time: float) -> tuple[np.ndarray, float]:
         """Value of every grain by slot, in an array that the next call fills again, and the top of the range at `time` [s]."""
         view = VIEWS[name]
+        if view.measure is None:
+            self.water.at_grains(self.world, name, self._values)
+            return self._values, self.of_water(name, time)
         view.measure(self.world, self._values)
         top = view.full
         if top is None:
             found = kernels.moving_values(self.world, self._values, self._moving)
             top = self._ranges[name].follow(quantile(self._moving[:found], PERCENTILE), time)
         return self._values, top
+
+    def of_water(self, name: str, time: float) -> float:
+        """Top of the range of a view of the water at `time` [s]."""
+        return self._ranges[name].follow(quantile(self.water.show(name), PERCENTILE), time)
 
     def levels(self, forces: Any, time: float) -> tuple[np.ndarray, float]:
         """Strength of these normal forces (n,) [N] in chains, 0 … 1, and the force that is 1 at `time` [s]."""

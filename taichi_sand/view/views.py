@@ -20,7 +20,7 @@ HOLD = 1.0
 class View:
     """One way to colour grains by a number."""
 
-    measure: Callable[[World, np.ndarray], None]
+    measure: Callable[[World, np.ndarray], None] | None  # None = of the water, and by it of the grains: view.water
     stops: str  # of the colour map; "" = from the cold to the hot colour of the scene
     unit: str
     full: float | None = None  # top of the range; None = percentile 99 of what is there
@@ -39,6 +39,9 @@ VIEWS = {
     "order": View(structure.order, palette.VIRIDIS, "", full=1.0),
     "temperature": View(structure.temperature, palette.INFERNO, "K", carried="temperature"),
     "moisture": View(structure.moisture, palette.DRY_TO_WET, "", full=0.3, carried="wetness"),
+    "saturation": View(structure.saturation, palette.DRY_TO_WET, "", full=1.0, carried="water_wet"),
+    "water pressure": View(None, palette.VIRIDIS, "Pa", carried="water_wet", least=1e-2),
+    "water speed": View(None, palette.VIRIDIS, "m/s", carried="water_wet", least=1e-2),
 }
 KIND, PHOTOELASTIC = "kind", "photoelastic"
 """Views that show no number of a grain: see the painter."""

@@ -9,11 +9,16 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from taichi_sand.effects.water.drag import middle_of
+from taichi_sand.effects.water.grid import corners, lerp
+from taichi_sand.effects.water.transfer import velocity_at
 from taichi_sand.view import palette
 from taichi_sand.view.kernels import Numbers, Packed, band_count
 from taichi_sand.view.shapes import mix, weight
 from taichi_sand.world.tables import CHUNK
 
+QUANTITIES = ("water pressure", "water speed")
+"""Views of the water itself."""
 FINER = 4
 """Nodes of the raster along a cell."""
 WIDTH = 4.0
@@ -83,6 +88,38 @@ def deal_markers(f: ti.template(), columns: ti.i32, rows: ti.i32, level: Numbers
 
 
 @ti.func
+def quantity(f: ti.template(), p, which):
+    """Of QUANTITIES the one with this number, at a place."""
+    now = f.now[None]
+    found = velocity_at(f, p).norm()
+    if which == 0:
+        rows, t = corners(f, 2, p)
+        pressure = ti.static(f.cells.pressure)
+        values = ti.Vector([pressure[rows[0]], pressure[rows[1]], pressure[rows[2]], pressure[rows[3]]])
+        found = ti.max(0.0, lerp(values, t)) * now.density / ti.max(now.step, 1e-12)
+    return ti.cast(found, ti.f32)
+
+
+@ti.kernel
+def deal_values(f: ti.template(), columns: ti.i32, rows: ti.i32, which: ti.i32, values: Numbers):
+    """A quantity at the nodes of the raster."""
+    ti.loop_config(serialize=True)
+    for k in range(columns * rows):
+        place = ti.Vector([ti.cast(k // rows, f.real), ti.cast(k % rows, f.real)]) / FINER + 0.5
+        values[k] = quantity(f, place, which)
+
+
+@ti.kernel
+def values_at_grains(w: ti.template(), f: ti.template(), which: ti.i32, values: Numbers):
+    """A quantity of the water where the grains are; 0 of those that are dry."""
+    ti.loop_config(serialize=True)
+    for i in range(w.count[None]):
+        values[i] = 0.0
+        if w.carried.water_wet[i] > 0.0:
+            values[i] = quantity(f, middle_of(w, f, i), which)
+
+
+@ti.func
 def smoothstep(low, high, x):
     """0 up to `low`, 1 from `high` on, smooth between."""
     t = ti.max(0.0, ti.min(1.0, (x - low) / (high - low)))
@@ -140,12 +177,14 @@ class Pool:
         now = fluid.now[None]
         self.shape = (FINER * now.columns + 1, FINER * now.rows + 1)
         self.level, self.share, self.speed = (np.zeros(self.shape[0] * self.shape[1], np.float32) for _ in range(3))
-        self.foam, self.shade = np.zeros_like(self.level), np.zeros_like(self.level)
+        self.foam, self.shade, self.shown, self.depth = (np.zeros_like(self.level) for _ in range(4))
         self.colours = np.append(palette.colour_map(palette.WATER), palette.packed(palette.FOAM)).astype(np.uint32)
+        self.used = self.colours
         self.fast = float(np.sqrt(2 * max(gravity, 1e-3) * height / 10))
 
     def look(self) -> None:
-        """Where the water is now."""
+        """Where the water is now, and what it looks like by itself."""
+        self.used = self.colours
         deal_depth(self.fluid, *self.shape, self.level)
         deal_markers(self.fluid, *self.shape, self.level, self.share, self.speed)
         speed = self.speed / self.share / self.fast
@@ -153,9 +192,25 @@ class Pool:
         self.foam[:] = part * part * (3 - 2 * part)
         self.shade[:] = shades(self.level.reshape(self.shape)).ravel()
 
+    def show(self, name: str) -> np.ndarray:
+        """Pressure [Pa] or speed [m/s] of the water, wherever there is some: of the view `name`."""
+        deal_depth(self.fluid, *self.shape, self.depth)
+        deal_values(self.fluid, *self.shape, QUANTITIES.index(name), self.shown)
+        return self.shown[self.depth > 0]
+
+    def colour(self, top: float, table: np.ndarray) -> None:
+        """Paints what `show` has found in the colours of this map, the last of them at `top`; no foam."""
+        self.shade[:] = self.shown / max(top, 1e-30)
+        self.foam[:] = 0.0
+        self.used = np.append(table, palette.packed(palette.FOAM)).astype(np.uint32)
+
+    def at_grains(self, world: Any, name: str, out: np.ndarray) -> None:
+        """The same where the grains are, a row a slot."""
+        values_at_grains(world, self.fluid, QUANTITIES.index(name), out)
+
     def paint(self, canvas: np.ndarray, width: int, height: int, strength: float) -> None:
         """Lays it over a canvas, with this strength, 0 … 1."""
-        paint_water(canvas, width, height, *self.shape, self.level, self.foam, self.shade, strength, self.colours)
+        paint_water(canvas, width, height, *self.shape, self.level, self.foam, self.shade, strength, self.used)
 
 
 def shades(level: np.ndarray) -> np.ndarray:

@@ -9,59 +9,19 @@ import math
 
 import taichi as ti
 
-from taichi_sand.effects.water.grid import FLOWS, WALL, close_ring, corners, lerp, mirror
-from taichi_sand.world.geometry import add, at_least, mobility, position, velocity
+from taichi_sand.effects.water.boulders import deal_wide, depth_for, gather_wide, mean_speed, width_of
+from taichi_sand.effects.water.dealing import around, deal_to, reach_of
+from taichi_sand.effects.water.grid import FLOWS, KAPPA, WALL, close_ring, corners, lerp
+from taichi_sand.effects.water.laws import LEAST_PORES, drag_of
+from taichi_sand.effects.water.soaking import row_of, soak
+from taichi_sand.taichi_support.noinline import noinline
+from taichi_sand.world.geometry import at_least, at_most, mobility, position, velocity
 from taichi_sand.world.sleep.state import call
 
-KAPPA = 2 / 3
-"""4/3 π r³ over 2 r π r²."""
 DENSEST = 0.605
 """Solid fraction of a dense bed of discs, times KAPPA: there a grain crowds itself as much as all others do."""
-LOG_10 = math.log(10)
-LEAST_PORES = 0.2
-"""Reached only for a moment, in impacts."""
 WAKING = 0.05
 """Sleepers are woken when the force of the water on them has changed by so many of their weights."""
-
-
-@ti.func
-def di_felice(slip, pores, diameter, density, viscosity):
-    """Drag on a grain over its volume and slip [kg/(m3 s)], after Di Felice (1994): that of a sphere alone (Dallavalle 1948), times a
-    power of the porosity.
-    """
-    reynolds = at_least(1e-6, pores * density * slip * diameter / viscosity)
-    sphere = (0.63 + 4.8 / ti.sqrt(reynolds)) ** 2
-    bend = 1.5 - ti.log(reynolds) / LOG_10
-    power = 3.7 - 0.65 * ti.exp(-0.5 * bend * bend)
-    return 0.75 * sphere * reynolds * viscosity / (pores * diameter * diameter) * pores ** (2.0 - power)
-
-
-@ti.func
-def gidaspow(slip, pores, diameter, density, viscosity):
-    """As di_felice, after Gidaspow (1994): Ergun (1952) in a bed, Wen & Yu (1966) above a porosity of 0.8."""
-    found = 150.0 * (1.0 - pores) * viscosity / (pores * diameter * diameter) + 1.75 * density * slip / diameter
-    if pores >= 0.8:
-        reynolds = at_least(1e-6, pores * density * slip * diameter / viscosity)
-        sphere = 0.44
-        if reynolds < 1000.0:
-            sphere = at_least(0.44, 24.0 * (1.0 + 0.15 * reynolds**0.687) / reynolds)
-        found = 0.75 * sphere * reynolds * viscosity / (diameter * diameter) * pores**-2.65
-    return found
-
-
-LAWS = ("di_felice", "gidaspow")
-
-
-@ti.func
-def drag_of(f: ti.template(), slip, pores, diameter):
-    """Drag by the law that the scene asks for [kg/(m3 s)]."""
-    now = f.now[None]
-    found = 0.0
-    if now.law == 0:
-        found = di_felice(slip, pores, diameter, now.density, now.viscosity)
-    else:
-        found = gidaspow(slip, pores, diameter, now.density, now.viscosity)
-    return found
 
 
 @ti.func
@@ -82,45 +42,6 @@ def middle_of(w: ti.template(), f: ti.template(), i):
     """Where grain i is [cells]."""
     p = position(w, i)
     return ti.Vector([p.x / f.now[None].width + 0.5, p.y / f.now[None].height + 0.5])
-
-
-@ti.func
-def spline(f: ti.template(), x):
-    """The first node that a grain at x reaches, and its weights on that and the next ones, which sum up to 1."""
-    middle = ti.floor(x + 0.5, ti.i32)
-    weights = ti.Vector([0.0 for _ in range(ti.static(2 * f.reach + 1))])
-    for k in ti.static(range(2 * f.reach + 1)):
-        away = ti.abs(middle + (k - f.reach) - x) / f.now[None].spread
-        weights[k] = ti.select(away < 0.5, 0.75 - away * away, 0.5 * at_least(0.0, 1.5 - away) ** 2)
-    return middle - f.reach, weights / weights.sum()
-
-
-@ti.func
-def weights_of(f: ti.template(), c: ti.template(), p):
-    """The nodes of component c that a grain at p reaches: rows of the table, weights, and how much of a cell is the volume of each node
-    (half of one in an edge), for all of them one after the other.
-    """
-    now = f.now[None]
-    i, across = spline(f, p.x + ti.static(0.5 if c == 0 else 0.0))
-    j, up = spline(f, p.y + ti.static(0.5 if c == 1 else 0.0))
-    nodes = ti.static(2 * f.reach + 1)
-    rows, weights = ti.Vector([0 for _ in range(nodes * nodes)]), ti.Vector([0.0 for _ in range(nodes * nodes)])
-    halves = ti.Vector([1.0 for _ in range(nodes * nodes)])
-    for k in ti.static(range(nodes)):
-        a = node_inside(mirror(i + k, now.columns, ti.static(c == 0), f.wraps[0]), now.columns + ti.static(int(c == 0)))
-        for q in ti.static(range(nodes)):
-            b = node_inside(mirror(j + q, now.rows, ti.static(c == 1), f.wraps[1]), now.rows + ti.static(int(c == 1)))
-            rows[k * nodes + q], weights[k * nodes + q] = a * (now.rows + 2) + b, across[k] * up[q]
-            at, last = (a, now.columns + 1) if ti.static(c == 0) else (b, now.rows + 1)
-            if ti.static(not f.wraps[c]):
-                halves[k * nodes + q] = ti.select(at == 1 or at == last, 2.0, 1.0)
-    return rows, weights, halves
-
-
-@ti.func
-def node_inside(i, last):
-    """Node i, or the nearest there is: of a grain far outside."""
-    return ti.max(1, ti.min(last, i))
 
 
 @ti.func
@@ -161,72 +82,88 @@ def felt(w: ti.template(), i):
     )
 
 
-@ti.func
-def deal_solids(w: ti.template(), f: ti.template(), density, time):
+@noinline
+def deal_solids(w: ti.template(), f: ti.template()):
     """Deals all grains to the faces: solid fraction, motion to come, mobility, and what they owe."""
+    density, time = f.now[None].density, f.now[None].next
     for i in range(w.count[None]):
         if w.grains.id[i] >= 0:
             share, p = share_of(w, f, i), middle_of(w, f, i)
             debt, gain = owed(w, f, i)
-            _diameter, area = body_of(w, f, i)
+            diameter, area = body_of(w, f, i)
             light = density * area * w.grains.mobility[i].x
             for c in ti.static(range(2)):
-                faces = ti.static((f.u, f.v)[c])
-                rows, weights, halves = weights_of(f, c, p)
-                solid = ti.Vector([1.0, velocity(w, i)[c] + time * gain[c], light, debt[c]])
-                for k in ti.static(range((2 * f.reach + 1) ** 2)):
-                    add(faces.solid, rows[k], share * weights[k] * halves[k] * solid)
+                table = ti.static((f.u, f.v)[c].solid)
+                solid = share * ti.Vector([1.0, velocity(w, i)[c] + time * gain[c], light, debt[c]])
+                if is_boulder(f, diameter):
+                    if ti.static(f.boulders):
+                        deal_wide(f, c, table, p, width_of(f, diameter), solid)
+                else:
+                    deal_to(f, c, table, reach_of(f, c, p), solid)
 
 
 @ti.func
-def around(f: ti.template(), faces: ti.template(), rows, weights, share):
-    """Speed of the faces that a grain reaches, their solid fraction, and what of that the grain itself makes."""
-    speed, crowd, own = 0.0, 0.0, 0.0
-    for k in ti.static(range((2 * f.reach + 1) ** 2)):
-        speed += weights[k] * faces.speed[rows[k]]
-        crowd += weights[k] * faces.solid[rows[k]][0]
-        own += share * weights[k] * weights[k]
-    return speed, crowd, own
+def is_boulder(f: ti.template(), diameter):
+    """Whether a grain is dealt over its own width."""
+    found = False
+    if ti.static(f.boulders):
+        found = width_of(f, diameter) > f.now[None].spread
+    return found
 
 
-@ti.func
+@noinline
 def deal_drag(w: ti.template(), f: ti.template()):
     """Finds the drag on every grain, and deals it to the faces."""
     for i in range(w.count[None]):
         if w.grains.id[i] >= 0:
             share, p, v = share_of(w, f, i), middle_of(w, f, i), velocity(w, i)
             diameter, _area = body_of(w, f, i)
-            rows_u, weights_u, halves_u = weights_of(f, 0, p)
-            rows_v, weights_v, halves_v = weights_of(f, 1, p)
-            speed_u, crowd_u, own_u = around(f, f.u, rows_u, weights_u, share)
-            speed_v, crowd_v, own_v = around(f, f.v, rows_v, weights_v, share)
-            crowd, own = 0.5 * (crowd_u + crowd_v), 0.5 * (own_u + own_v)
-            slip = ti.Vector([speed_u - v.x, speed_v - v.y]).norm()
-            pores = at_least(LEAST_PORES, 1.0 - at_least(0.0, crowd - own) / (1.0 - own / DENSEST))
-            drag = drag_of(f, slip, pores, diameter)
-            w.carried.water_drag[i] = drag
-            if w.carried.water_wet[i] >= 0.0:
-                drag *= w.carried.water_wet[i]
-            for k in ti.static(range((2 * f.reach + 1) ** 2)):
-                add(f.u.drag, rows_u[k], share * weights_u[k] * halves_u[k] * drag * ti.Vector([1.0, v.x]))
-                add(f.v.drag, rows_v[k], share * weights_v[k] * halves_v[k] * drag * ti.Vector([1.0, v.y]))
+            if is_boulder(f, diameter):
+                if ti.static(f.boulders):
+                    width, speed, crowd, squares = width_of(f, diameter), ti.Vector([0.0, 0.0]), 0.0, 0.0
+                    for c in ti.static(range(2)):
+                        faces = ti.static((f.u, f.v)[c])
+                        speed[c] = mean_speed(f, c, faces.speed, p, width)
+                        solid, square = gather_wide(f, c, faces.solid, p, width)
+                        crowd, squares = crowd + 0.5 * solid[0], squares + 0.5 * square
+                    drag = drag_on(w, f, i, speed, crowd, share * squares)
+                    for c in ti.static(range(2)):
+                        deal_wide(f, c, ti.static((f.u, f.v)[c]).drag, p, width, share * drag * ti.Vector([1.0, v[c]]))
+            else:
+                reach_u, reach_v = reach_of(f, 0, p), reach_of(f, 1, p)
+                speed_u, crowd_u, own_u = around(f, f.u, reach_u, share)
+                speed_v, crowd_v, own_v = around(f, f.v, reach_v, share)
+                drag = drag_on(w, f, i, ti.Vector([speed_u, speed_v]), 0.5 * (crowd_u + crowd_v), 0.5 * (own_u + own_v))
+                deal_to(f, 0, f.u.drag, reach_u, share * drag * ti.Vector([1.0, v.x]))
+                deal_to(f, 1, f.v.drag, reach_v, share * drag * ti.Vector([1.0, v.y]))
 
 
-@ti.kernel
+@ti.func
+def drag_on(w: ti.template(), f: ti.template(), i, speed, crowd, own):
+    """Drag on grain i in water of this speed, where grains fill `crowd` and it itself `own` of it; as far as it is under water."""
+    diameter, _area = body_of(w, f, i)
+    slip = (speed - velocity(w, i)).norm()
+    pores = at_least(LEAST_PORES, 1.0 - at_least(0.0, crowd - own) / (1.0 - own / DENSEST))
+    drag = drag_of(f, slip, pores, diameter)
+    w.carried.water_drag[i] = drag
+    if w.carried.water_wet[i] >= 0.0:
+        drag *= w.carried.water_wet[i]
+    return drag
+
+
+@ti.func
 def deal(w: ti.template(), f: ti.template()):
     """Grains to grid."""
-    ti.loop_config(serialize=True)
-    for _run in range(1):
-        now = f.now[None]
-        for row in range((now.columns + 2) * (now.rows + 2)):
-            for faces in ti.static((f.u, f.v)):
-                faces.solid[row], faces.drag[row] = ti.Vector([0.0, 0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0])
-        deal_solids(w, f, now.density, now.next)
-        for c in ti.static(range(2)):
-            close_ring(f, ti.static((f.u, f.v)[c]), c)
-        deal_drag(w, f)
-        for c in ti.static(range(2)):
-            close_ring(f, ti.static((f.u, f.v)[c]), c)
+    now = f.now[None]
+    for row in range((now.columns + 2) * (now.rows + 2)):
+        for faces in ti.static((f.u, f.v)):
+            faces.solid[row], faces.drag[row] = ti.Vector([0.0, 0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0])
+    deal_solids(w, f)
+    for c in ti.static(range(2)):
+        close_ring(f, ti.static((f.u, f.v)[c]), c)
+    deal_drag(w, f)
+    for c in ti.static(range(2)):
+        close_ring(f, ti.static((f.u, f.v)[c]), c)
 
 
 @ti.func
@@ -249,40 +186,56 @@ def under(diameter, depth):
 
 
 @ti.func
+def felt_of(f: ti.template(), faces: ti.template()):
+    """What grains are to feel of the faces: a face at the surface counts by its wet share, one in a wall before water as the next one."""
+    now = f.now[None]
+    for row in range((now.columns + 2) * (now.rows + 2)):
+        part = ti.select(faces.known[row] == FLOWS or faces.known[row] == WALL, faces.depth[row], 0.0)
+        faces.felt[row] = part * ti.Vector([faces.pull[row], faces.speed[row], 1.0, 0.0])
+
+
+@ti.func
 def mean_of(f: ti.template(), c: ti.template(), p):
     """Pressure gradient and speed of component c around p, over the wet faces there; 0 if there are none."""
     faces = ti.static((f.u, f.v)[c])
-    rows, weights, _halves = weights_of(f, c, p)
-    pull, speed, wet = 0.0, 0.0, 0.0
-    for k in ti.static(range((2 * f.reach + 1) ** 2)):
-        if faces.known[rows[k]] == FLOWS or faces.known[rows[k]] == WALL:
-            part = weights[k] * faces.depth[rows[k]]  # a face at the surface counts by its wet share
-            pull += part * faces.pull[rows[k]]
-            speed += part * faces.speed[rows[k]]
-            wet += part
-    return ti.Vector([pull, speed]) / ti.max(wet, 1e-6)
+    columns, rows, across, up, _dealt = reach_of(f, c, p)
+    total = ti.Vector([0.0, 0.0, 0.0, 0.0])
+    for k in ti.static(range(2 * f.reach + 1)):
+        for q in ti.static(range(2 * f.reach + 1)):
+            total += across[k] * up[q] * faces.felt[columns[k] + rows[q]]
+    return total.xy / ti.max(total.z, 1e-6)
 
 
-@ti.kernel
+@noinline
 def feel(w: ti.template(), f: ti.template()):
     """Grid to grains: what acts on them until the water acts next. Sleepers are woken where that has changed."""
-    ti.loop_config(serialize=True)
-    for _run in range(1):
-        g = ti.static(w.carried)
-        for i in range(w.count[None]):
-            p, v = middle_of(w, f, i), velocity(w, i)
+    g = ti.static(w.carried)
+    felt_of(f, f.u)
+    felt_of(f, f.v)
+    for i in range(w.count[None]):
+        p, v = middle_of(w, f, i), velocity(w, i)
+        diameter, _area = body_of(w, f, i)
+        across, up, depth, wet = ti.Vector([0.0, 0.0]), ti.Vector([0.0, 0.0]), 0.0, 0.0
+        if is_boulder(f, diameter):
+            if ti.static(f.boulders):
+                width = width_of(f, diameter)
+                one, _squares = gather_wide(f, 0, f.u.felt, p, width)
+                two, _squares_too = gather_wide(f, 1, f.v.felt, p, width)
+                across, up = one.xy / ti.max(one.z, 1e-6), two.xy / ti.max(two.z, 1e-6)
+                wet = at_most(1.0, 0.5 * (one.z + two.z))
+                depth = depth_for(diameter, wet)
+        else:
             across, up, depth = mean_of(f, 0, p), mean_of(f, 1, p), depth_at(f, p)
-            diameter, _area = body_of(w, f, i)
             wet = under(diameter, depth)
-            g.water_pull_x[i], g.water_pull_y[i] = across[0], up[0]
-            g.water_stream_x[i], g.water_stream_y[i] = across[1], up[1]
-            g.water_wet[i], g.water_depth[i] = wet, depth
-            g.water_start_x[i], g.water_start_y[i] = v.x, v.y
-            g.water_given_x[i], g.water_given_y[i] = 0.0, 0.0
-            if ti.static(hasattr(w.carried, "wetness")):
-                w.carried.wetness[i] = at_least(wet, w.carried.wetness[i])  # soaked
-            if ti.static(w.sleeps):
-                watch(w, f, i, wet * ti.Vector([g.water_drag[i] * across[1] - across[0], g.water_drag[i] * up[1] - up[0]]))
+        g.water_pull_x[i], g.water_pull_y[i] = across[0], up[0]
+        g.water_stream_x[i], g.water_stream_y[i] = across[1], up[1]
+        g.water_wet[i], g.water_depth[i] = wet, depth
+        g.water_start_x[i], g.water_start_y[i] = v.x, v.y
+        g.water_given_x[i], g.water_given_y[i] = 0.0, 0.0
+        if ti.static(f.soaks):
+            soak(w, f, i, row_of(f, p), share_of(w, f, i), wet)
+        if ti.static(w.sleeps):
+            watch(w, f, i, wet * ti.Vector([g.water_drag[i] * across[1] - across[0], g.water_drag[i] * up[1] - up[0]]))
 
 
 @ti.func

@@ -17,11 +17,15 @@ from taichi_sand.world.tables import fill_struct, round_up
 AIR, WET, SOLID, HOLE = 0, 1, -1, 2
 """Kinds of cells. A hole is an air cell with water all around it, and soon a wet one."""
 FLOWS, WALL, DRY_WALL = 1, -1, -2
-"""What is known of a face: water flows through it, it lies in a wall with water before it, or without."""
+"""What is known of a face: water flows through it; it lies in an edge with water before it, or without, or in any other wall."""
+EDGE, INSIDE = 1, 2
+"""Faces that are blocked by an edge of the box, or by a wall inside it."""
 MOST_LEVELS = 12
 RATE = 12.0
 """Where markers have come too near to one another, or too far apart, the flow makes up for it so fast [1/s]. Without it a dam break loses
 a fifth of its water; as much in every step, whatever its length, would feed the motion."""
+KAPPA = 2 / 3
+"""Of a disc, which stands for a sphere in a slab one grain thick, so much is solid: 4/3 π r³ over 2 r π r²."""
 LEAST_CELLS, LEAST_MARKERS = 4096, 16384
 """Least room: so all small boxes are alike to kernels."""
 COARSEST = 4
@@ -42,6 +46,9 @@ class Faces(NamedTuple):
     share: Any  # coefficient of the pressure, ε / (1 + a) + s ρ/ρ_s
     depth: Any  # part of the way to the next cell's middle that is wet, 1 but at the surface
     pull: Any  # pressure gradient [Pa/m]
+    felt: Any  # what grains feel of it: pull, speed and 1, all times the part that is wet; 4-vector
+    block: Any  # EDGE, INSIDE: it lies in a wall; else 0; i32
+    wall: Any  # speed of that wall [m/s]
 
 
 class Cells(NamedTuple):
@@ -50,6 +57,10 @@ class Cells(NamedTuple):
     kind: Any  # AIR, WET, SOLID; i32
     fill: Any  # share of the pores that markers fill
     pores: Any  # porosity
+    room: Any  # for markers, beside walls, over that of a cell
+    met: Any  # which side of the square up and right of the middle a wall was first found to cross, see walls; i32
+    owed: Any  # markers that grains have let go of, less those that they have taken up
+    label: Any  # lowest row of those that water could get to from it; i32
     depth: Any  # how far the middle is below the surface, as far as that is near [cells]
     pressure: Any  # times Δt/ρ [m2/s]
     way: Any  # of the conjugate gradients [m2/s]
@@ -83,12 +94,17 @@ class Fluid:
     velocity: Any  # of the markers [m/s], 2-vector
     now: Any  # 0-D struct of now_type
     wells: Any  # what wells up or drains off; a row each
+    hits: Any  # of a wall with a square between four middles, the first one: place [cells], velocity [cells/s]; 4-vector
+    lines: Any  # of walls, of the squares between four middles, by their lower left one: unit normal, distance from the origin
+    #             [cells], speed along the normal [cells/s]; 4-vector, zeros = none
     levels: Any  # of the multigrid: columns, rows, first row of the tables, 0; 4-vector, i32
     sizes: Any  # of a kind of grains: radius of a disc of the same area / radius
     wraps: tuple  # whether the box is periodic along x, y
     opens: tuple  # whether its left, right, lower, upper edge is open
     reach: int  # nodes that it reaches either way
     rigid: bool  # whether contacts are impulses
+    soaks: bool  # whether grains hold water of their own
+    boulders: bool  # whether some are as wide as cells
     real: Any
 
 
@@ -114,8 +130,10 @@ def now_type(real: Any) -> Any:
         wells=ti.i32,
         full=ti.i32,  # 1 = there was no room for a marker
         free=ti.i32,  # 1 = there is a free surface, 0 = all of the box is full
+        fenced=ti.i32,  # 1 = there are walls inside the box
         density=real,  # [kg/m3]
         viscosity=real,  # [Pa s]
+        permeability=real,  # of beds, over that by the law of drag
         gravity=ti.types.vector(2, real),  # [m/s2]
         next=real,  # length of the step that begins [s]
         time=real,  # when it begins [s]
@@ -152,15 +170,20 @@ def grids(columns: int, rows: int) -> list[tuple[int, int, int, int]]:
 
 def allocate_faces(real: Any, count: int) -> Faces:
     """Empty tables of one component."""
-    made = {name: field_pool.scalars(ti.i32 if name == "known" else real, count) for name in Faces._fields if name not in ("solid", "drag")}
-    return Faces(**made, solid=field_pool.vectors(4, real, count), drag=field_pool.vectors(2, real, count))
+    vectors = {"solid": 4, "drag": 2, "felt": 4}
+    made = {name: field_pool.vectors(size, real, count) for name, size in vectors.items()}
+    whole = {name: ti.i32 if name in ("known", "block") else real for name in Faces._fields if name not in vectors}
+    return Faces(**made, **{name: field_pool.scalars(kind, count) for name, kind in whole.items()})
 
 
 def allocate_cells(real: Any, count: int, total: int) -> Cells:
     """Empty tables of `count` cells, and `total` in all grids of the multigrid."""
     whole = ("middle", "left", "below", "rest", "answer")
     return Cells(
-        **{name: field_pool.scalars(ti.i32 if name == "kind" else real, total if name in whole else count) for name in Cells._fields}
+        **{
+            name: field_pool.scalars(ti.i32 if name in ("kind", "label", "met") else real, total if name in whole else count)
+            for name in Cells._fields
+        }
     )
 
 
@@ -186,6 +209,8 @@ def allocate(real: Any, plan: Plan, markers: int, kinds: int, wells: int) -> dic
         "u": allocate_faces(real, count),
         "v": allocate_faces(real, count),
         "cells": allocate_cells(real, count, total),
+        "lines": field_pool.vectors(4, real, count),
+        "hits": field_pool.vectors(4, real, count),
         "place": field_pool.vectors(2, real, markers),
         "velocity": field_pool.vectors(2, real, markers),
         "now": fill_struct(struct, start),
@@ -261,15 +286,3 @@ def copy_face(faces: ti.template(), to, row):
     """All numbers of a face."""
     for column in ti.static(faces):
         column[to] = column[row]
-
-
-@ti.func
-def blocked(f: ti.template(), c: ti.template(), k):
-    """Whether the k-th face along component c lies in an edge of the box that is a wall."""
-    last = f.now[None].columns + 1 if ti.static(c == 0) else f.now[None].rows + 1
-    found = False
-    if ti.static(not f.wraps[c] and not f.opens[2 * c]):
-        found = found or k == 1
-    if ti.static(not f.wraps[c] and not f.opens[2 * c + 1]):
-        found = found or k == last
-    return found

@@ -4,9 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sand.effects.water.drag import KAPPA
-from taichi_sand.effects.water.grid import Plan
+from taichi_sand.effects.water.grid import KAPPA, Plan
 
+FIRST, SECOND = 0.7548776662466927, 0.5698402909980532
+"""1/g and 1/g², g the root of g³ = g + 1: multiples of both fill a square evenly (R2; Roberts 2018)."""
 PER_CELL = 2
 """Markers of a full cell, each way."""
 JITTER = 0.1

@@ -6,6 +6,7 @@ The multigrid joins 2 x 2 cells to one without smoothing (aggregation), makes up
 
 import taichi as ti
 
+from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.geometry import add
 
 WEAKER = 1.8
@@ -68,7 +69,7 @@ def smooth(f: ti.template(), level, forwards):
         wrap(f, cells.answer, level)
 
 
-@ti.func
+@noinline
 def coarsen(f: ti.template()):
     """The matrices of the coarser grids."""
     cells = ti.static(f.cells)
@@ -93,7 +94,7 @@ def coarsen(f: ti.template()):
         close_matrix(f, coarse)
 
 
-@ti.func
+@noinline
 def descend(f: ti.template()):
     """From the finest grid to the coarsest: smooths, and hands what is left to the next one."""
     cells = ti.static(f.cells)
@@ -117,7 +118,7 @@ def descend(f: ti.template()):
                         add(cells.rest, coarse[2] + (i + 1) // 2 * wide + (j + 1) // 2, left)
 
 
-@ti.func
+@noinline
 def ascend(f: ti.template()):
     """Back to the finest grid: takes over what the coarser one has found, and smooths."""
     cells = ti.static(f.cells)

@@ -7,13 +7,14 @@ frequency.
 
 import taichi as ti
 
-from taichi_sand.effects.water.grid import AIR, DRY_WALL, FLOWS, HOLE, SOLID, WALL, WET
+from taichi_sand.effects.water.grid import AIR, DRY_WALL, FLOWS, HOLE, INSIDE, SOLID, WALL, WET
+from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.geometry import at_least
 
 FULL = 0.5
 LEAST_DEPTH = 0.01
 """θ is no smaller: pressures near a face that is hardly wet would be huge."""
-LEAST_PORES = 0.2
+LEAST_PORES, LEAST_ROOM = 0.2, 0.1
 
 
 @ti.func
@@ -28,7 +29,7 @@ def find_pores(f: ti.template()):
             solid = f.u.solid[row][0] + f.u.solid[row + stride][0] + f.v.solid[row][0] + f.v.solid[row + 1][0]
             pores = at_least(LEAST_PORES, 1.0 - 0.25 * solid)
             cells.pores[row] = pores
-            cells.fill[row] *= now.marker / pores
+            cells.fill[row] *= now.marker / (pores * at_least(LEAST_ROOM, cells.room[row]))
             cells.kind[row] = ti.select(cells.fill[row] > FULL, WET, AIR)
 
 
@@ -80,12 +81,13 @@ def find_depths(f: ti.template(), faces: ti.template(), hop):
     cells = ti.static(f.cells)
     for row in range(hop, (now.columns + 2) * (now.rows + 2)):
         one, two = cells.kind[row - hop], cells.kind[row]
-        wall, wet = one == SOLID or two == SOLID, one == WET or two == WET
+        fenced = faces.block[row] == INSIDE
+        wall, wet = one == SOLID or two == SOLID or fenced, one == WET or two == WET
         depth = 1.0
         if wet and not wall and one != two:
             depth = at_least(LEAST_DEPTH, ti.min(1.0, cells.fill[row - hop] + cells.fill[row] - 0.5))
         faces.depth[row] = depth
-        faces.known[row] = ti.select(wall, ti.select(wet, WALL, DRY_WALL), ti.select(wet, FLOWS, 0))
+        faces.known[row] = ti.select(wall, ti.select(wet and not fenced, WALL, DRY_WALL), ti.select(wet, FLOWS, 0))
 
 
 @ti.func
@@ -102,7 +104,7 @@ def find_heights(f: ti.template()):
             cells.depth[row] = total / 3.0 - 1.5
 
 
-@ti.func
+@noinline
 def find_surface(f: ti.template()):
     """Kinds of all cells, wet faces and their depths."""
     find_pores(f)

@@ -6,15 +6,16 @@ a little of that velocity itself: FLIP of them keeps what the grid cannot hold, 
 
 import taichi as ti
 
-from taichi_sand.effects.water.grid import FLOWS, WALL, blocked, close_ring, corners, lerp
+from taichi_sand.effects.water.grid import FLOWS, WALL, close_ring, corners, lerp
+from taichi_sand.effects.water.soaking import let_go, taken_up
+from taichi_sand.effects.water.walls import RIM, kept_off, own_side, quarters
+from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.geometry import add, at_most
 
 FLIP = 0.97
 """Rests better than an affine transfer (APIC): still water 4e-4 sqrt(g h) in place of 1e-3, measured."""
 LEAST = 1e-6
 """Weight of markers below which a face has no speed."""
-RIM = 0.02
-"""Markers stay so far from walls [cells]."""
 
 
 @ti.func
@@ -34,14 +35,16 @@ def scatter(f: ti.template(), k):
     for c in ti.static(range(2)):
         faces = ti.static((f.u, f.v)[c])
         rows, t = corners(f, c, p)
+        shares = quarters(t)
         for q in ti.static(range(4)):
-            share = (t.x if ti.static(q % 2 == 1) else 1.0 - t.x) * (t.y if ti.static(q > 1) else 1.0 - t.y)
-            add(faces.speed, rows[q], share * f.velocity[k][c])
-            add(faces.weight, rows[q], share)
+            add(faces.speed, rows[q], shares[q] * f.velocity[k][c])
+            add(faces.weight, rows[q], shares[q])
     rows, t = corners(f, 2, p)
+    shares = quarters(t)
+    if f.now[None].fenced == 1:
+        shares = own_side(f, p, shares)
     for q in ti.static(range(4)):
-        share = (t.x if ti.static(q % 2 == 1) else 1.0 - t.x) * (t.y if ti.static(q > 1) else 1.0 - t.y)
-        add(f.cells.fill, rows[q], share)
+        add(f.cells.fill, rows[q], shares[q])
 
 
 @ti.func
@@ -69,16 +72,16 @@ def extrapolate(f: ti.template(), faces: ti.template(), c: ti.template(), layers
 
 @ti.func
 def normalise(f: ti.template(), faces: ti.template(), c: ti.template()):
-    """Sums become means; walls hold still."""
+    """Sums become means; walls are as fast as they are."""
     now = f.now[None]
     stride = now.rows + 2
     for i in range(1, now.columns + 1 + ti.static(int(c == 0))):
         for j in range(1, now.rows + 1 + ti.static(int(c == 1))):
             row = i * stride + j
             wet = faces.weight[row] > LEAST
-            still = blocked(f, c, i if ti.static(c == 0) else j)
-            faces.speed[row] = ti.select(wet and not still, faces.speed[row] / (faces.weight[row] + 1e-30), 0.0)
-            faces.known[row] = ti.select(still, WALL, ti.select(wet, FLOWS, 0))
+            wall = faces.block[row] != 0
+            faces.speed[row] = ti.select(wet and not wall, faces.speed[row] / (faces.weight[row] + 1e-30), faces.wall[row])
+            faces.known[row] = ti.select(wall, WALL, ti.select(wet, FLOWS, 0))
     close_ring(f, faces, c)
     extrapolate(f, faces, c, 1)
     close_ring(f, faces, c)
@@ -86,19 +89,17 @@ def normalise(f: ti.template(), faces: ti.template(), c: ti.template()):
         faces.before[row] = faces.speed[row]
 
 
-@ti.kernel
+@noinline
 def transfer(f: ti.template()):
     """Markers to grid."""
-    ti.loop_config(serialize=True)
-    for _run in range(1):
-        clear(f)
-        top = 0.0
-        for k in range(ti.min(f.now[None].markers, f.place.shape[0])):
-            scatter(f, k)
-            top = ti.max(top, f.place[k].y)
-        f.now[None].top = ti.min(f.now[None].rows, ti.cast(top + 0.5, ti.i32) + 1)
-        for c in ti.static(range(2)):
-            normalise(f, ti.static((f.u, f.v)[c]), c)
+    clear(f)
+    top = 0.0
+    for k in range(ti.min(f.now[None].markers, f.place.shape[0])):
+        scatter(f, k)
+        top = ti.max(top, f.place[k].y)
+    f.now[None].top = ti.min(f.now[None].rows, ti.cast(top + 0.5, ti.i32) + 1)
+    for c in ti.static(range(2)):
+        normalise(f, ti.static((f.u, f.v)[c]), c)
 
 
 @ti.func
@@ -130,6 +131,17 @@ def kept_inside(f: ti.template(), p):
 
 
 @ti.func
+def beside(f: ti.template(), p, place):
+    """p, or where the box is periodic the one of its images that is nearest to `place`."""
+    found = p
+    for c in ti.static(range(2)):
+        if ti.static(f.wraps[c]):
+            count = ti.cast(f.now[None].columns if ti.static(c == 0) else f.now[None].rows, f.real)
+            found[c] += count * ti.floor((place[c] - p[c]) / count + 0.5)
+    return found
+
+
+@ti.func
 def carry(f: ti.template(), k, time):
     """Marker k takes over what the grid has become, and moves (RK2). Whether it has left the box, and the grid's velocity."""
     p = f.place[k]
@@ -142,25 +154,30 @@ def carry(f: ti.template(), k, time):
     scale = ti.Vector([time / f.now[None].width, time / f.now[None].height])
     half, _gone = kept_inside(f, p + 0.5 * scale * now)
     place, gone = kept_inside(f, p + scale * velocity_at(f, half))
+    if f.now[None].fenced == 1:
+        place, _gone = kept_inside(f, kept_off(f, beside(f, p, place), place, time))
     f.place[k] = place
     return gone, now
 
 
-@ti.kernel
+@noinline
 def advance(f: ti.template()):
     """Grid to markers, which then move with it for the step that has passed; those that have left the box are dropped."""
-    ti.loop_config(serialize=True)
-    for _run in range(1):
-        now = f.now[None]
-        fastest, kept = 0.0, 0
-        markers = ti.min(now.markers, f.place.shape[0])
-        if now.step > 0.0:
-            for k in range(markers):
-                gone, speed = carry(f, k, now.step)
-                if not gone:
-                    f.place[kept], f.velocity[kept] = f.place[k], f.velocity[k]
-                    kept += 1
-                    fastest = ti.max(fastest, ti.abs(speed.x) / now.width, ti.abs(speed.y) / now.height)
-            f.now[None].gone += markers - kept
-            f.now[None].markers = kept
-        f.now[None].fastest = fastest * ti.min(now.width, now.height)
+    now = f.now[None]
+    fastest, kept, left = 0.0, 0, 0
+    markers = ti.min(now.markers, f.place.shape[0])
+    if now.step > 0.0:
+        for k in range(markers):
+            gone, speed = carry(f, k, now.step)
+            left += ti.cast(gone, ti.i32)
+            if ti.static(f.soaks):
+                gone = gone or taken_up(f, k)
+            if not gone:
+                f.place[kept], f.velocity[kept] = f.place[k], f.velocity[k]
+                kept += 1
+                fastest = ti.max(fastest, ti.abs(speed.x) / now.width, ti.abs(speed.y) / now.height)
+        f.now[None].gone += left
+        f.now[None].markers = kept
+        if ti.static(f.soaks):
+            let_go(f)
+    f.now[None].fastest = fastest * ti.min(now.width, now.height)

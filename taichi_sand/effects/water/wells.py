@@ -7,10 +7,10 @@ from all that are in the region.
 import taichi as ti
 
 from taichi_sand.effects.water.grid import WET
+from taichi_sand.effects.water.markers import FIRST, SECOND
 from taichi_sand.effects.water.transfer import velocity_at
+from taichi_sand.taichi_support.noinline import noinline
 
-FIRST, SECOND = 0.7548776662466927, 0.5698402909980532
-"""1/g and 1/g², g the root of g³ = g + 1."""
 LARGEST = 2**30
 
 
@@ -36,7 +36,7 @@ def welling(f: ti.template(), i, j):
     return total
 
 
-@ti.func
+@noinline
 def flow(f: ti.template()):
     """Markers come and go for the step that has passed."""
     now = f.now[None]

@@ -11,7 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sand.study.stress import hard_changes, hard_contacts, hard_piles, hard_structures, hard_walls  # noqa: F401 - they enter the cases
+from taichi_sand.study.stress import (  # noqa: F401 - they enter the cases
+    hard_changes,
+    hard_contacts,
+    hard_piles,
+    hard_structures,
+    hard_walls,
+    hard_water,
+)
 from taichi_sand.study.stress.gates import CASES, Case, Gate
 from taichi_sand.taichi_support import runtime
 

@@ -949,7 +949,12 @@ class Live {
       const told = JSON.parse(data);
       if (told.role) { this.role = told.role; this.marks(); }
       if (told.scenes) this.bundled = told.scenes;
-      if (told.panel) { this.table = told.panel; this.build(); }
+      if (told.panel) {
+        const { title, size } = told.panel.scene, old = this.table?.scene;
+        if (old && (old.title !== title || String(old.size) !== String(size))) this.picture.home(); // another scene
+        this.table = told.panel;
+        this.build();
+      }
       if (told.wait) this.said(told.wait);
       if (told.state) this.update(told.state);
       return;

@@ -1,7 +1,8 @@
 """Water that grains carry, where the effect `moisture` is on: how much of its pull a liquid bridge keeps, and watering by hand.
 
-Wetness is the share of the pores around a grain that is full of water. Bridges pull as they do from 0.5 % to 15 %; below they dry out,
-above the pores fill up, and at 30 % there is no bridge left (physics.md D7, Pakpour et al. 2012).
+Wetness is the share of the pores around a grain that is full of water. With the effect `water` a grain holds that much of its own, and
+what flows around it fills the rest of its pores as far as it is under water: `soaked` is both. Bridges pull as they do from 0.5 % to
+15 %; below they dry out, above the pores fill up, and at 30 % there is no bridge left (physics.md D7, Pakpour et al. 2012).
 """
 
 import taichi as ti
@@ -20,11 +21,20 @@ def bond_share(wetness):
 
 
 @ti.func
+def soaked(w: ti.template(), i):
+    """Share of the pores around grain i that is full, of its own water and of that which flows around it."""
+    own = w.carried.wetness[i]
+    if ti.static(hasattr(w.carried, "water_wet")):
+        own += (1.0 - own) * at_least(0.0, w.carried.water_wet[i])
+    return own
+
+
+@ti.func
 def bridge_share(w: ti.template(), p):
     """Share of its pull that the bridge of pair p has: by the mean of its two grains, or by the grain alone on a wall."""
-    wetness = w.carried.wetness[w.pairs.first[p]]
+    wetness = soaked(w, w.pairs.first[p])
     if p % w.half < w.wall_base:
-        wetness = 0.5 * (wetness + w.carried.wetness[w.pairs.second[p]])
+        wetness = 0.5 * (wetness + soaked(w, w.pairs.second[p]))
     return bond_share(wetness)
 
 
