@@ -10,6 +10,7 @@ import pytest
 import taichi_sand as sand
 from taichi_sand.play import recording
 from taichi_sand.play.actions import is_action
+from taichi_sand.play.calls import CALLS
 from taichi_sand.play.session import Session
 
 
@@ -132,3 +133,9 @@ def test_calls_from_python_are_done_again(tmp_path: Path) -> None:
 )
 def test_calls_that_are_none(given: list) -> None:
     assert not is_action(["call", *given]) and is_action(["call", "renew", {}])
+
+
+def test_every_call_that_changes_a_simulation_is_known() -> None:
+    """Those that steer it, water too; not the one that only writes down what it does."""
+    steering = {"add", "remove", "set_state", "push", "set", "retune", "restage", "set_walls", "wet", "renew"}
+    assert set(CALLS) >= steering | {"pour_water", "drain_water", "push_water"} and not {"record", "advance", "report"} & set(CALLS)

@@ -11,7 +11,7 @@ import numpy as np
 from taichi_sand.run.simulation import Simulation
 from taichi_sand.scene.schema import Scene
 
-CALLS = ("add", "remove", "set_state", "push", "set", "retune", "restage", "set_walls", "wet", "renew")
+CALLS = tuple(name for name in sorted(dir(Simulation)) if hasattr(getattr(Simulation, name), "changes") and name != "record")
 """Methods of a simulation that change it."""
 SCENES = ("retune", "restage")
 """Those that are given a scene."""

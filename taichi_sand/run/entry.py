@@ -41,6 +41,7 @@ def changes(method: M) -> M:
                 heard(method.__name__, args, kwargs)
             return found
 
+    changing.changes = True  # type: ignore[attr-defined]
     return cast("M", changing)
 
 
