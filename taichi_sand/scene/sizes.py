@@ -119,7 +119,7 @@ def limits(radius: Any) -> tuple[float, float]:
 def spread(radius: Any, share: np.ndarray) -> np.ndarray:
     """Radii [m] that stand for the shares (n,) of the grains, uniform in 0 … 1."""
     if isinstance(radius, Sizes):
-        values, below = quantiles(radius)
+        values, below = quantiles(radius)  # type: ignore[arg-type]  # frozen, so it has a hash
         return np.interp(share, below, values)
     return radius[0] + (radius[1] - radius[0]) * share
 
