@@ -266,19 +266,6 @@ def test_quicksand() -> None:
     assert np.mean(drops) == pytest.approx(np.mean(above), rel=0.05)
 
 
-def test_dry_grains_do_not_know_of_it() -> None:
-    """W0. Where there is no water the effect leaves every bit of the grains as it is."""
-    grains = [{"radius": [0.0028, 0.0032], "count": 150, "region": [0.0, 0.0, 0.2, 0.3]}]
-    ends = []
-    for effects in ({"friction": {}}, {"friction": {}, "water": {}}):
-        fresh_taichi()
-        sim = sand.Simulation(sand.Scene(size=[0.2, 0.3], grains=grains, effects=effects, seed=5), threads=1)
-        sim.advance(0.5)
-        ends.append((sim.positions.tobytes(), sim.velocities.tobytes(), sim.steps))
-        sim.close()
-    assert ends[0] == ends[1]
-
-
 def test_a_column_collapses_under_water() -> None:
     """W12. Slower than in air, and no farther."""
     grains = [{"radius": [0.0028, 0.0032], "fill": "hexagonal", "region": [0.0, 0.0, 0.06, 0.12], "jitter": 0.02}]
