@@ -158,7 +158,7 @@ def test_wrong_arguments_change_nothing(sim: sand.Simulation) -> None:
         r"push: ids: there is no grain 77": lambda: sim.push(77, force=(1, 1)),
         r"every: seconds = 0 must be a number greater than 0": lambda: sim.every(0, print),
         r"every: function = 3 must be a function": lambda: sim.every(0.1, 3),
-        r'advance_until: condition = "still" must be "rest" or a function': lambda: sim.advance_until("still", at_most=1.0),
+        r'advance_until: condition = "still" must be "rest", an event or a function': lambda: sim.advance_until("still", at_most=1.0),
         r"advance_until: at_most = -1 must be a number of 0 or more": lambda: sim.advance_until("rest", at_most=-1),
     }
     for text, act in wrong.items():
