@@ -37,7 +37,7 @@ def found() -> cost.Study:
         patch.setattr(cost, "QUICK_LADDER", (0.1, 0.01))
         patch.setattr(cost, "REPEATS", 2)
         patch.setattr(cost, "REFERENCE_WORK", {True: 2e7})
-        return cost.study(make, seconds=0.6, quick=True)
+        return cost.study(make, seconds=0.8, quick=True)  # until they lie: the tolerance is one at rest
 
 
 def test_study_measures(found: cost.Study) -> None:
@@ -52,7 +52,7 @@ def test_study_measures(found: cost.Study) -> None:
         assert point.error("momentum")[1] < 1e-5
         assert point.cost[0] > 0
     assert rigid[0.1].error("height")[1] > 0 and math.isnan(rigid[0.01].error("height")[1])
-    assert 0.02 < found.horizon["rigid"] <= 0.6
+    assert 0.02 < found.horizon["rigid"] <= 0.8
 
 
 def test_failed_points_are_marked(found: cost.Study, tmp_path: Any) -> None:
