@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -119,6 +120,7 @@ class Quick:
     """Stands in for a simulation where only what the command makes of it matters."""
 
     said = ("3 grains were lost.",)
+    stages = SimpleNamespace(began=0.0)
 
     def __init__(self, scene: object, **_: object) -> None:
         self.scene, self.time = scene, 0.0

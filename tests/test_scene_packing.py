@@ -186,9 +186,10 @@ def test_settle_at_every_size(scale: float, count: int) -> None:
 def test_bundled_scenes_start_without_overlap(name: str) -> None:
     scene = loading.load(name)
     grains = pack(scene)
-    assert len(grains) > 0
-    assert worst_overlap(grains) <= ROUNDING
-    assert is_inside(grains, 0, 0, *scene.size)
+    assert len(grains) or scene.sources
+    if len(grains):
+        assert worst_overlap(grains) <= ROUNDING
+        assert is_inside(grains, 0, 0, *scene.size)
 
 
 def test_the_hourglass_is_large_enough() -> None:
