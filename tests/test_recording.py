@@ -91,6 +91,17 @@ def test_damaged(recorded: bytes, how: str, tmp_path: Path) -> None:
     assert ("format 3" in str(caught.value)) == (how == "another version")
 
 
+def test_a_scene_that_cannot_be_simulated_is_told(recorded: bytes, tmp_path: Path) -> None:
+    """With the name of the recording that holds it."""
+    head, rest = recorded.split(b"\n", 1)
+    told = json.loads(head)
+    told["scene"] = json.dumps({**json.loads(told["scene"]), "effects": {"fraction": {}}})
+    path = tmp_path / "it.record"
+    path.write_bytes(json.dumps(told).encode() + b"\n" + rest)
+    with pytest.raises(sand.SandError, match=r"it\.record: effects\.fraction: there is no such effect; did you mean `friction`\?"):
+        steps_of(path)
+
+
 def test_calls_from_python_are_done_again(tmp_path: Path) -> None:
     """What a script does to the simulation of a session, out of `every` too, and takes back: to the same bits. What is refused is not
     written down.

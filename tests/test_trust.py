@@ -166,6 +166,23 @@ def test_walls_are_those_of_the_scene(saved: tuple[dict, dict[str, np.ndarray]],
                 assert short in looked_at(name, value, place), (short, value)
 
 
+def test_lists_of_moving_walls_are_whole(saved: tuple[dict, dict[str, np.ndarray]], looked_at: Callable[[str, Any], str]) -> None:
+    """One entry said to be all crashed: the sites of the others kept their lists, which then ran into those of the next list build."""
+    if ".0.movers.count" not in saved[1] or not (count := int(saved[1][".0.movers.count"])):
+        return
+    assert count > 1
+    for name, value, place in [("count", 1, 0), ("count", count - 1, 0), ("count", 0, 0)] + [
+        (name, value, place)
+        for place in range(0, count, 7)
+        for name in ("head", "next", "site")
+        for value in (-1, place, count - 1)
+        if name != "site" or value >= 0
+    ]:
+        at = int(saved[1][".0.movers.site"][place]) if name == "head" else place
+        if saved[1][f".0.movers.{name}"].flat[at] != value:
+            assert "movers.head and movers.next" in looked_at(f".0.movers.{name}", value, at), (name, value, place)
+
+
 def resumed_from(saved: tuple[dict, dict[str, np.ndarray]]) -> sand.Simulation:
     with tempfile.TemporaryDirectory() as folder:
         write(Path(folder) / "state.npz", *saved)

@@ -115,8 +115,8 @@ def replay(recorded: tuple[Snapshot, Scene, list], path: Path, arch: str, thread
         PhysicsError: the state is not what it was when it was recorded.
     """
     start, scene, rest = recorded
-    session = Session(scene, arch=arch, threads=threads)
     with believing(path, "recording"):
+        session = Session(scene, arch=arch, threads=threads)
         session.go_to(start)
     session.start = session.moment()
     for number, line in enumerate(rest, 2):

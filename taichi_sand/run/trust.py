@@ -257,8 +257,8 @@ def relations(world: World, sizes: Sizes, of: dict[str, np.ndarray]) -> Iterator
         yield f"the grid has {max(cells, int(least))} cells, more than there is room for"
     if "pairs.driven" in of:
         yield _driven(world, of["pairs.driven"], int(of["movers.first"]))
-    if "movers.next" in of and (of["movers.next"] >= np.arange(sizes.last_entry + 1)).any():
-        yield "movers.next runs in a circle"
+    if "movers.next" in of:
+        yield _entries(of["movers.site"][: int(of["movers.count"])], of["movers.head"], of["movers.next"])
     if "links.whole" in of and (((of["links.whole"] | of["links.last"]) == 1)[:, None] & (of["links.slots"] < 0)).any():
         yield "links.slots has lost a grain of a link that holds"
     if "sleep.state:awake" in of and of["sleep.state:awake"] + of["sleep.state:asleep"] > of["count"]:
@@ -276,6 +276,18 @@ def _beyond(world: World, name: str, kind: str, start: np.ndarray, end: np.ndarr
     low, high = (part, part + world.wall_base) if kind == "pair" else (part + world.wall_base, part + world.half)
     wrong = (end > start) & ((start < low) | (end > high))
     return f"{name}s run from {start[wrong][0]} to {end[wrong][0]}, beyond their part of the table" if wrong.any() else ""
+
+
+def _entries(site: np.ndarray, head: np.ndarray, following: np.ndarray) -> str:
+    """Whether the moving walls listed at each lattice site are those that lie there, from the last to the first, in words, or ""."""
+    order = np.argsort(site, kind="stable")
+    first = np.diff(site[order], prepend=-1) != 0
+    wanted, last = np.empty(len(site), np.int64), np.full(len(head), -1)
+    wanted[order] = np.where(first, -1, np.roll(order, 1))
+    last[site[order]] = order  # of several the last
+    if (following[: len(site)] != wanted).any() or (head != last).any():
+        return "movers.head and movers.next do not list what movers.site holds"
+    return ""
 
 
 def _driven(world: World, following: np.ndarray, row: int) -> str:
