@@ -171,16 +171,14 @@ def test_lists_of_moving_walls_are_whole(saved: tuple[dict, dict[str, np.ndarray
     if ".0.movers.count" not in saved[1] or not (count := int(saved[1][".0.movers.count"])):
         return
     assert count > 1
-    for name, value, place in [("count", 1, 0), ("count", count - 1, 0), ("count", 0, 0)] + [
-        (name, value, place)
-        for place in range(0, count, 7)
-        for name in ("head", "next", "site")
-        for value in (-1, place, count - 1)
-        if name != "site" or value >= 0
-    ]:
-        at = int(saved[1][".0.movers.site"][place]) if name == "head" else place
+    wrong = [("count", value, 0) for value in (1, count - 1, 0)]
+    for entry in range(0, count, 7):
+        wrong += [(name, value, entry) for name in ("head", "next") for value in (-1, entry, count - 1)]
+        wrong += [("site", value, entry) for value in (entry, count - 1)]
+    for name, value, entry in wrong:
+        at = int(saved[1][".0.movers.site"][entry]) if name == "head" else entry
         if saved[1][f".0.movers.{name}"].flat[at] != value:
-            assert "movers.head and movers.next" in looked_at(f".0.movers.{name}", value, at), (name, value, place)
+            assert "movers.head and movers.next" in looked_at(f".0.movers.{name}", value, at), (name, value, entry)
 
 
 def resumed_from(saved: tuple[dict, dict[str, np.ndarray]]) -> sand.Simulation:
