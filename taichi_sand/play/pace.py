@@ -1,5 +1,11 @@
 """Real time: how many steps a frame takes, so that simulated time follows the wall clock where the machine can."""
 
+import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from taichi_sand.play.session import Session
+
 FRAME = 1 / 60
 """Time of a frame [s]."""
 MOST_WALL = 0.05
@@ -19,6 +25,18 @@ class Pace:
         self.factor = 0.0  # simulated time / wall time
         self.mean = FRAME  # wall time of a frame [s]
         self.stages: dict[str, float] = {}  # wall time of each stage in a frame [s]
+
+    def advance(self, session: "Session", wall: float, single: int | None) -> int:
+        """Simulates what is due `wall` [s] after the last frame, or while it is paused so many steps; returns how many it did."""
+        steps = self.steps(wall, session.sim.step, session.speed) if single is None else single
+        before, start = session.sim.time, time.perf_counter()
+        session.advance(steps)
+        spent = time.perf_counter() - start
+        self.spent(steps, spent)
+        self.stage("simulate", spent)
+        if single is None:
+            self.frame(wall, session.sim.time - before)
+        return steps
 
     def steps(self, wall: float, step: float, speed: float) -> int:
         """Steps due after `wall` [s] since the last frame."""

@@ -68,15 +68,8 @@ class Browser(Keeping):
         """One frame: inputs, simulation, what is told of it."""
         session = self.session
         self._inputs()
-        steps = self.due if self.paused else self.pace.steps(self.frame_time, session.sim.step, session.speed)
+        steps = self.pace.advance(session, self.frame_time, self.due if self.paused else None)
         self.due = 0
-        before, start = session.sim.time, time.perf_counter()
-        session.advance(steps)
-        spent = time.perf_counter() - start
-        self.pace.spent(steps, spent)
-        self.pace.stage("simulate", spent)
-        if not self.paused:
-            self.pace.frame(self.frame_time, session.sim.time - before)
         if self.recorder:
             self._record(steps)
         if steps or self.stale or session.stroke:

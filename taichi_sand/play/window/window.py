@@ -116,15 +116,8 @@ class Window:
         """One frame: input, simulation, picture."""
         controls, session = self.controls, self.session
         changed = self._input()
-        steps = controls.due if controls.paused else self.pace.steps(self.frame_time, session.sim.step, session.speed)
+        steps = self.pace.advance(session, self.frame_time, controls.due if controls.paused else None)
         controls.due = 0
-        before, start = session.sim.time, time.perf_counter()
-        session.advance(steps)
-        spent = time.perf_counter() - start
-        self.pace.spent(steps, spent)
-        self.pace.stage("simulate", spent)
-        if not controls.paused:
-            self.pace.frame(self.frame_time, session.sim.time - before)
         if self.listener:
             self._write(self.listener, session.take_log(), steps)
         late = self.unmeasured and time.perf_counter() - self.measured_at >= self.every
