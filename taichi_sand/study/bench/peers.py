@@ -30,7 +30,7 @@ def overlaps(position: np.ndarray, radius: np.ndarray, width: float) -> np.ndarr
 
 def settle_in_pymunk(pack: Any, width: float, step: float, iterations: int, seconds: float) -> dict[str, float]:
     """The settle scene in pymunk with a spatial hash: CPU time per simulated second, and mean overlap / d."""
-    import pymunk
+    import pymunk  # pyright: ignore[reportMissingImports]  (of the extra `bench`, which tests do without)
 
     space = pymunk.Space()
     space.gravity = (0.0, -9.81 * CENTIMETRES)
