@@ -55,9 +55,10 @@ def unit(text: str) -> str:
 
 def heading(name: str, kind: type) -> str:
     """How a table of a scene file is written."""
-    from taichi_sand.scene.schema import Edges, Record, Scene, Shake, Sizes, Solver, View
+    from taichi_sand.scene.schema import Edges, EdgeSpeeds, Record, Rock, Scene, Shake, Sizes, Solver, View
 
     singles = {Edges: "`edges`", Solver: "`[solver]`", View: "`[view]`", Record: "`[record]`", Shake: "`shake`", Sizes: "`radius`"}
+    singles |= {Rock: "`rock`", EdgeSpeeds: "`edges.surface_velocity`"}
     return "The scene itself" if kind is Scene else singles.get(kind, f"`[[{name}]]`")
 
 

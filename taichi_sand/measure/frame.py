@@ -7,7 +7,8 @@ velocities are those of the discs, moments of inertia are of each disc about its
 particles are those of the clump wherever its discs do not overlap.
 
 Contacts of grains (measure/pairs.py) are bonds between the two discs that touch; bonds of the type `bridge` have a liquid bridge, which
-may also pull without touching. `log/particles/force` is the sum of the contact forces on a disc, those of walls included.
+may also pull without touching. `log/particles/force` is the sum of the contact forces on a disc, those of walls included;
+`log/walls/NAME` is what grains exert on a wall, or an edge that is one: force along x and y, and torque about its pivot.
 
 The box is the scene's, with its centre as the origin: a place in the scene is the position plus `log/shift`. Over a periodic edge
 positions are folded into the box. Angles are the quaternion (cos a/2, 0, 0, sin a/2). Fixed grains have the mass that their density
@@ -20,8 +21,9 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from taichi_sand.measure.contacts import sort_by_ids
+from taichi_sand.measure.contacts import as_contacts, sort_by_ids
 from taichi_sand.measure.discs import Kinds
+from taichi_sand.measure.grain_state import there, wall_forces
 from taichi_sand.measure.pairs import (
     BRIDGE,
     DISCS,
@@ -36,6 +38,7 @@ from taichi_sand.measure.pairs import (
     STATE,
     TWO,
     Exacts,
+    Found,
     Wholes,
     pairs_of,
     place,
@@ -281,8 +284,10 @@ class Frames:
         if many:
             order = np.empty(many, np.int32)
             lay_bonds(found.whole, found.exact, self.first, counts, order, group, bridges, numbers, force, sim.world.serial)
-        between = int(counts[-2])
+        between, at_walls = int(counts[-2]), found.whole[:, TWO] < 0
+        touched = as_contacts(sim, Found(found.whole[at_walls], found.exact[at_walls], 0))
         return {
+            **{f"log/walls/{row['name']}": np.array([*row["force"], row["torque"]]) for row in there(sim, wall_forces(sim, touched))},
             "bonds/N": np.array([between], np.uint32),
             "bonds/typeid": bridges[:between].view(np.uint32),
             "bonds/group": group[:between].view(np.uint32),

@@ -10,7 +10,9 @@ import numpy as np
 from taichi_sand.effects.friction import SPRING
 from taichi_sand.measure.wall_numbers import names
 from taichi_sand.scene import moving
+from taichi_sand.scene.loaded import loaded_length
 from taichi_sand.world.reading import read_columns
+from taichi_sand.world.walls.build import SIDES
 from taichi_sand.world.walls.motion import hours
 
 WALL = np.dtype([("name", "U40"), ("force", np.float64, (2,)), ("torque", np.float64), ("contacts", np.int64)])
@@ -106,11 +108,7 @@ def pivots(sim: Any) -> np.ndarray:
     times = iter(hours(sim.world.movers)) if sim.world.moves else iter(())
     found = []
     for wall in sim.scene.walls:
-        place = moving.pivot(wall)
-        if moving.moves(wall):
-            time, (amplitude, omega) = next(times), moving.shaking(wall)
-            place = place + np.array(wall.velocity) * time + amplitude * np.sin(omega * time)
-        found.append(place)
+        found.append(moving.pivot_at(wall, next(times)) if moving.moves(wall) else moving.pivot(wall))
     return np.array([*found, (0, h / 2), (w, h / 2), (w / 2, 0), (w / 2, h)])
 
 
@@ -126,4 +124,22 @@ def wall_forces(sim: Any, rows: np.ndarray) -> np.ndarray:
         found["force"][:, k] = np.bincount(number, push[:, k], len(about))
     found["torque"] = np.bincount(number, torque, len(about))
     found["contacts"] = np.bincount(number, minlength=len(about))
+    return found
+
+
+def there(sim: Any, rows: np.ndarray) -> np.ndarray:
+    """Those of `wall_forces` that are of walls, and of edges that are walls."""
+    edges = [getattr(sim.scene.edges, side) == "wall" for side in SIDES]
+    return rows[[*[True] * (len(rows) - len(edges)), *edges]]
+
+
+def wall_pressures(sim: Any, rows: np.ndarray) -> dict[str, float]:
+    """What grains resist the course of each wall with `pressure` with, by its loaded length [N/m], by name, from `wall_forces`."""
+    times = hours(sim.world.movers).tolist() if sim.world.moves else []
+    found = {}
+    for row, wall in zip(rows, sim.scene.walls, strict=False):
+        if wall.pressure:
+            length = loaded_length(sim.scene, wall, times)
+            resisted = -float(row["force"] @ np.array(wall.velocity)) / float(np.hypot(*wall.velocity))
+            found[str(row["name"])] = resisted / length if length > 0 else 0.0
     return found

@@ -33,8 +33,9 @@ between smooth sides gives its weight.
 `water_iterations`: of the projection, in the last step of the water.
 `water_step_s`: how far apart the water acts.
 `wall_force_N`: sum over all wall contacts of the size of their force.
-`wall_forces_N`: by wall, of those that are touched: force of the grains on it, x and y, and its torque about the pivot [N m], of an edge
+`wall_forces_N`: by wall, and by edge that is a wall: force of the grains on it, x and y, and its torque about the pivot [N m], of an edge
 about its middle. With rigid, impacts of the last step are in it.
+`wall_pressures_N_m`: of walls with `pressure`: what the grains resist their course with, by the length that they can load [N/m].
 `mass_kg`: of the grains that can move.
 `events`: with events: when each that has come came, by name [s].
 `grains_made`: with sources or sinks: grains there have been in all, those of the start included.
@@ -54,7 +55,7 @@ import numpy as np
 
 from taichi_sand.measure.contacts import as_contacts
 from taichi_sand.measure.discs import Kinds, discs_of
-from taichi_sand.measure.grain_state import masses, wall_forces
+from taichi_sand.measure.grain_state import masses, there, wall_forces, wall_pressures
 from taichi_sand.measure.loads import Loads
 from taichi_sand.measure.packing import packing_fraction
 from taichi_sand.measure.pairs import Found, pairs_of
@@ -111,16 +112,20 @@ def contacts(sim: Any, found: Found | None = None) -> dict[str, Any]:
     }
 
 
-def walls(sim: Any, found: Found) -> dict[str, list[float]]:
-    """Force x, y [N] and torque [N m] on every wall that is touched, by its name; `found` is not to be used any more."""
+def walls(sim: Any, found: Found) -> dict[str, Any]:
+    """By wall, by their names: force x, y [N] and torque [N m]; of those with `pressure` what bears it [N/m]. `found` is not to be used any
+    more.
+    """
     rows = wall_forces(sim, as_contacts(sim, found))
-    return {str(row["name"]): [*row["force"].tolist(), float(row["torque"])] for row in rows[rows["contacts"] > 0]}
+    told = {str(row["name"]): [*row["force"].tolist(), float(row["torque"])] for row in there(sim, rows)}
+    held = wall_pressures(sim, rows)
+    return {"wall_forces_N": told, **({"wall_pressures_N_m": held} if held else {})}
 
 
 def pairs(sim: Any) -> dict[str, Any]:
     """What is told of contacts and walls."""
     found = pairs_of(sim)
-    return {**contacts(sim, found), "wall_forces_N": walls(sim, found)}
+    return {**contacts(sim, found), **walls(sim, found)}
 
 
 def cost(sim: Any) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from taichi_sand.scene import moving
 from taichi_sand.scene.nearby import images, segments
-from taichi_sand.world.walls.build import SIDES, moving_walls, wall_parts
+from taichi_sand.world.walls.build import SIDES, wall_parts
 from taichi_sand.world.walls.joints import Part
 
 BESIDE = 1e-2
@@ -40,7 +40,7 @@ def wall_numbers(scene: Any, unit: float) -> WallNumbers:
     """Those of a scene whose smallest grain has diameter `unit` [m]."""
     still = [k for k, wall in enumerate(scene.walls) if not moving.moves(wall)]
     movers = [k for k, wall in enumerate(scene.walls) if moving.moves(wall)]
-    assert len(movers) == len(moving_walls(scene))
+    assert len(movers) == len(moving.moving_walls(scene))
     found = [images(segments([moving.corners(scene.walls[k])]), scene.size, scene.periodic) for k in still]
     pieces = np.concatenate([np.empty((0, 2, 2)), *found])
     owner = np.repeat(still, [len(one) for one in found]).astype(int)

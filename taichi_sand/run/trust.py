@@ -121,6 +121,7 @@ INDICES: dict[str, tuple[Bound, Bound] | str] = {
     "movers.wall": (-1, "last_wall"),
     "movers.part": (0, "last_part"),
     "movers.side": (-1, 1),
+    "movers.beside": (-1, "last_wall"),
     "movers.parts": ANY,  # as all that follows from the walls of the scene: see `_walls`
     "movers.walls": ANY,
     "movers.count": (0, "room_moving"),

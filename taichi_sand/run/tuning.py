@@ -9,6 +9,7 @@ import numpy as np
 from taichi_sand.run import live
 from taichi_sand.run.entry import changes, reads
 from taichi_sand.scene.materials import matrices
+from taichi_sand.scene.moving import moving_walls
 from taichi_sand.scene.schema import Scene
 from taichi_sand.solvers import choose
 from taichi_sand.solvers.bed import Bed, height_of
@@ -18,7 +19,6 @@ from taichi_sand.world.walls.build import (
     change_walls,
     check_speeds,
     fastest_wall,
-    moving_walls,
     shortest_shake,
     standing_walls,
     structure_fits,

@@ -7,7 +7,7 @@ import numpy as np
 
 from taichi_sand.errors import Wrong, show, suggest
 from taichi_sand.scene.delimited import HEAD
-from taichi_sand.scene.moving import moves
+from taichi_sand.scene.moving import drive, moves, turns
 from taichi_sand.scene.rows import LENGTHS
 from taichi_sand.scene.shapes import BUILT_IN, joined, overlapping
 from taichi_sand.scene.sizes import limits
@@ -140,17 +140,20 @@ def wall(table: Any) -> None:
 
 def _moving_wall(table: Any) -> None:
     """What belongs to a motion that there is."""
-    if table.surface_velocity and table.spin:
-        raise Wrong("surface_velocity", " does not go with a `spin`")
-    if table.pivot is not None and not table.spin:
-        raise Wrong("pivot", " needs a `spin`")
-    if table.mass is not None and table.force is None:
-        raise Wrong("mass", " needs a `force`: a wall without one moves as its keys say, whatever it weighs")
-    if table.force is not None:
-        if not any(table.velocity):
-            raise Wrong("force", " needs a `velocity`: the one that it pushes along, and that the wall has when nothing resists")
-        if table.spin or table.shake is not None:
-            raise Wrong("force", " goes with a `velocity` alone, not with `spin` or `shake`")
+    if table.surface_velocity and turns(table):
+        raise Wrong("surface_velocity", f" does not go with a `{'spin' if table.spin else 'rock'}`")
+    if table.pivot is not None and not turns(table):
+        raise Wrong("pivot", " needs a `spin` or a `rock`")
+    if table.force is not None and table.pressure:
+        raise Wrong("force", " and `pressure` exclude each other")
+    push = "pressure" if table.pressure else "force"
+    driven = drive(table) > 0
+    if table.mass is not None and not driven:
+        raise Wrong("mass", " needs a `force` or a `pressure`: a wall without one moves as its keys say, whatever it weighs")
+    if driven and not any(table.velocity):
+        raise Wrong(push, " needs a `velocity`: the one that it pushes along, and that the wall has when nothing resists")
+    if driven and (turns(table) or table.shake is not None):
+        raise Wrong(push, " goes with a `velocity` alone, not with `spin`, `rock` or `shake`")
 
 
 SHOWS = {"temperature": "heat", "moisture": "moisture", **dict.fromkeys(("saturation", "water pressure", "water speed"), "water")}
@@ -166,6 +169,11 @@ def scene(table: Any) -> None:
         if (getattr(edges, one) == "periodic") != (getattr(edges, other) == "periodic"):
             text = f' = "{getattr(edges, one)}" but edges.{other} = "{getattr(edges, other)}": periodic edges come in opposite pairs'
             raise Wrong(f"edges.{one}", text)
+    for side, speed in edges.surface_velocity:
+        where = f"edges.surface_velocity.{side}"
+        if speed and getattr(edges, side) != "wall":
+            raise Wrong(where, f' = {speed:g} but edges.{side} = "{getattr(edges, side)}": only a wall has a surface')
+        _belt(table, where, speed)
     names = [*BUILT_IN, *(item.name for item in table.shapes)]
     for index, item in enumerate(table.shapes):
         if names.index(item.name) < len(BUILT_IN) + index:
@@ -189,12 +197,16 @@ def scene(table: Any) -> None:
             raise Wrong(f"walls[{index}].points", f" = {show([list(p) for p in item.points])} lies wholly outside the box, {_box(table)}")
         if item.friction is not None and "friction" not in table.effects:
             raise Wrong(f"walls[{index}].friction", f" = {item.friction:g} needs a table [effects.friction]")
-        if item.surface_velocity and "friction" not in table.effects:
-            text = f" = {item.surface_velocity:g} needs a table [effects.friction]: without friction a belt moves nothing"
-            raise Wrong(f"walls[{index}].surface_velocity", text)
+        _belt(table, f"walls[{index}].surface_velocity", item.surface_velocity)
     shown = SHOWS.get(table.view.color)
     if shown and shown not in table.effects:
         raise Wrong("view.color", f' = "{table.view.color}" needs a table [effects.{shown}]')
+
+
+def _belt(table: Any, where: str, speed: float) -> None:
+    """A surface that moves has friction."""
+    if speed and "friction" not in table.effects:
+        raise Wrong(where, f" = {speed:g} needs a table [effects.friction]: without friction a belt moves nothing")
 
 
 def _flow(table: Any, names: list[str]) -> None:

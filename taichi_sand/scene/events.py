@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, ValidationError, model_validator
 from taichi_sand.errors import SandError, Wrong, show, suggest
 from taichi_sand.scene import moving
 from taichi_sand.scene.kinds import Name, Number, Switch, Table, key
-from taichi_sand.scene.walls import Shake, Wall
+from taichi_sand.scene.walls import Rock, Shake, Wall
 from taichi_sand.scene.wording import in_words
 
 FIXED = ("name", "points", "closed")
@@ -128,14 +128,14 @@ def onward(wall: Wall, changes: dict[str, Any], time: float) -> Wall:
     for name, value in changes.items():
         head, _, part = name.partition(".")
         table[head] = {**(table.get(head) or {}), part: value} if part else value
-    if not table.get("spin") and "pivot" not in changes:
+    if not table.get("spin") and not table.get("rock") and "pivot" not in changes:
         table.pop("pivot", None)
     new = Wall(**table)
     if moving.motion(new) == moving.motion(wall) or not moving.moves(wall):
         return new
     points = moving.corners(wall, time)
     table["points"] = (points[:-1] if wall.closed else points).tolist()
-    if new.spin and "pivot" not in changes:
+    if moving.turns(new) and "pivot" not in changes:
         table["pivot"] = moving.pivot_at(wall, time).tolist()
     return Wall(**table)
 
@@ -239,7 +239,7 @@ def _check_walls(where: str, scene: Any, event: Event, course: _Course) -> None:
                 try:
                     onward(wall, values, 0.0)
                 except ValidationError as error:
-                    raise Wrong(f"{where}.set", f": of walls.{name}, {in_words(error, {'': Wall, 'shake': Shake})}") from None
+                    raise Wrong(f"{where}.set", f": of walls.{name}, {in_words(error, {'': Wall, 'shake': Shake, 'rock': Rock})}") from None
     course.walls = staged(course.walls, event)
     if changes and not any(scene.origin):  # a scene with an origin is checked again once it is moved
         try:
@@ -251,6 +251,7 @@ def _check_walls(where: str, scene: Any, event: Event, course: _Course) -> None:
 
 def _check_wall_key(where: str, name: str, value: Any) -> None:
     known = [one for one in Wall.model_fields if one not in FIXED] + [f"shake.{part}" for part in Shake.model_fields]
+    known += [f"rock.{part}" for part in Rock.model_fields]
     if name not in known:
         raise Wrong(where, f" = {show(value)} cannot be set{suggest(name, known)} (what can: {', '.join(known)})")
 

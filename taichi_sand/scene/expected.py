@@ -1,6 +1,6 @@
 """The tables [[checks]]: what a scene must show when it is simulated, as numbers."""
 
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, model_validator
 
@@ -24,9 +24,13 @@ class Check(Table):
     low: Number | None = key(None, "least that it may be, in its own unit")
     high: Number | None = key(None, "most that it may be, in its own unit")
     at: Moment = key("end", 'when: a time, the name of an event, or "end", which is `duration`', "s")
+    over: Number = key(0.0, "how long before `at` it is followed, at 100 moments; 0 = it is looked at then alone", "s", ge=0)
+    take: Literal["mean", "least", "most"] = key("mean", "what of the values over that time must lie in the range: mean, least or most")
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
+        if self.take != "mean" and not self.over:
+            raise Wrong("take", f' = "{self.take}" needs a time `over` which the number is followed')
         if self.low is None and self.high is None:
             raise Wrong("", " needs `low` or `high`")
         if self.low is not None and self.high is not None and self.low > self.high:

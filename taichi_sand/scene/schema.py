@@ -24,11 +24,20 @@ from taichi_sand.scene.record import Record
 from taichi_sand.scene.rows import read_rows
 from taichi_sand.scene.shapes import BUILT_IN, Form, form
 from taichi_sand.scene.sizes import Radius, Sizes
-from taichi_sand.scene.walls import Shake, Wall
+from taichi_sand.scene.walls import Rock, Shake, Wall
 from taichi_sand.scene.wording import in_words
 
 MOST_GRAINS = 4_000_000
 MOST_DISCS = 64
+
+
+class EdgeSpeeds(Table):
+    """Velocities of the surfaces of edges that are walls, each along it: upwards, or to the right."""
+
+    left: Number = key(0.0, "upwards", "m/s")
+    right: Number = key(0.0, "upwards", "m/s")
+    bottom: Number = key(0.0, "to the right", "m/s")
+    top: Number = key(0.0, "to the right", "m/s")
 
 
 class Edges(Table):
@@ -39,6 +48,7 @@ class Edges(Table):
     bottom: Edge = key("wall", "wall, open or periodic (together with top)")
     top: Edge = key("wall", "wall, open or periodic (together with bottom)")
     material: str = key("", "name of one of [[materials]] that those which are walls are made of")
+    surface_velocity: EdgeSpeeds = key(EdgeSpeeds(), "{ bottom = 0.2, … }: of surfaces along edges that are walls, conveyor belts", "m/s")
 
 
 class Solver(Table):
@@ -271,6 +281,7 @@ class Scene(Table):
 
 
 def _tables() -> dict[str, type[BaseModel]]:
-    kinds = {"solver": Solver, "shapes": Shape, "grains": Grains, "radius": Sizes, "walls": Wall, "shake": Shake}
+    kinds = {"solver": Solver, "shapes": Shape, "grains": Grains, "radius": Sizes, "walls": Wall, "shake": Shake, "rock": Rock}
     kinds |= {"sources": Source, "sinks": Sink, "water": Water, "materials": Material, "material_pairs": MaterialPair}
-    return {"": Scene, "edges": Edges, "view": View, "record": Record, **kinds, "events": Event, "checks": Check}
+    kinds |= {"edges": Edges, "surface_velocity": EdgeSpeeds}
+    return {"": Scene, "view": View, "record": Record, **kinds, "events": Event, "checks": Check}

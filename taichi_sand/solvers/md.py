@@ -24,7 +24,7 @@ from taichi_sand.world.extras.materials import bounce_of
 from taichi_sand.world.geometry import add, at_least, couple, distance_to_second, motion_of, perp, rolling, wrench
 from taichi_sand.world.search.pair_history import hand_on
 from taichi_sand.world.tables import World, fill_struct
-from taichi_sand.world.walls.servo import along_course, balance, carried, drives, pressed, run_at, swinging
+from taichi_sand.world.walls.servo import along_course, balance, carried, drives, pressed, run_at, swinging, thrust
 from taichi_sand.world.walls.wedge import feel
 
 MEMORY = 0
@@ -238,7 +238,7 @@ def run_walls(w: ti.template(), s: ti.template(), c: ti.template(), ahead, when:
                 time = ahead * w.pace[None].step
                 for m in range(movers.walls[None]):
                     if movers.force[m] > 0.0:
-                        force, mass, start = movers.force[m], movers.mass[m], movers.onward[m]
+                        force, mass, start = thrust(w, m), movers.mass[m], movers.onward[m]
                         rate, share = movers.rate[m], 1.0
                         if mass > 0.0:
                             run_at(w, m, start, 0.0)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from taichi_sand.scene import moving
 from taichi_sand.scene.grains import Pack
 from taichi_sand.scene.packing import parted
 from taichi_sand.taichi_support import field_pool
@@ -35,7 +36,7 @@ from taichi_sand.world.tables import (
     round_up,
     site_rows,
 )
-from taichi_sand.world.walls.build import SIDES, lay_walls, moving_walls, wall_parts
+from taichi_sand.world.walls.build import SIDES, lay_walls, wall_parts
 from taichi_sand.world.walls.segments import cast_parts, moving_entries
 
 STRIPS_FROM = 30_000
@@ -161,7 +162,7 @@ def make_world(
     `extra` columns of the neighbour list follow a pair; `carried` names the columns that follow a grain, and what a grain starts with;
     effects act on grains up to `reach` [d] apart, and tie the grains `links` (n, 2) together. Tables are no smaller than `rooms`.
     """
-    layout, moves, driven = layout_of(gpu, len(pack)), bool(moving_walls(scene)), any(wall.force for wall in scene.walls)
+    layout, moves, driven = layout_of(gpu, len(pack)), bool(moving.moving_walls(scene)), any(moving.drive(wall) for wall in scene.walls)
     real, first = ti.f64 if scene.solver.precision == 64 else ti.f32, round_up(len(pack) + room + 1)
     (lengths, boulders), capacity = lengths_of(scene, pack, reach, sleeps), max(first, rooms.grains)  # sites and cells do not grow
     diameter, sight = lengths["diameter"], lengths["largest"] / 2 + MOST_REACH * lengths["diameter"] + lengths["bridge"]

@@ -12,7 +12,7 @@ import taichi as ti
 from taichi_sand.effects.water.grid import EDGE, INSIDE, node
 from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.geometry import add
-from taichi_sand.world.walls.motion import motion_at, pivot_at
+from taichi_sand.world.walls.motion import motion_at, pivot_at, turn_at
 
 ASIDE = 0.00137
 """All walls are so far off where they are [cells]: many lie exactly on middles, where rounding would choose a side anew in every row."""
@@ -175,13 +175,13 @@ def lay_moving(w: ti.template(), f: ti.template(), ahead: ti.template()):
         m = movers.wall[movers.part[k]]
         if m >= 0 and movers.side[k] == 0:
             age = movers.age[m] + movers.since[m]
-            turn, phase = movers.spin[m] * age, movers.omega[m] * age
+            turn, phase, tilt = turn_at(movers, m, age), movers.omega[m] * age, movers.beat[m] * age
             cos, sin = ti.cos(turn), ti.sin(turn)
             home, bounds, pivot = movers.home[k], movers.bounds[k], pivot_at(movers, m, age, phase)
             arm = ti.Vector([cos * home.x - sin * home.y, sin * home.x + cos * home.y])
             along = ti.Vector([cos * home.z - sin * home.w, sin * home.z + cos * home.w])
             start, end = pivot + arm + bounds.x * along, pivot + arm + bounds.y * along
-            motion = (ti.cast(pivot, w.real), ti.cast(movers.rate[m] * motion_at(movers, m, phase), w.real))
+            motion = (ti.cast(pivot, w.real), ti.cast(movers.rate[m] * motion_at(movers, m, phase, tilt), w.real))
             lay_piece(f, ti.cast(start, w.real), ti.cast(end, w.real), motion, time, ahead)
 
 
@@ -192,7 +192,8 @@ def fastest_mover(w: ti.template()):
     if ti.static(w.moves):
         m_ = ti.static(w.movers)
         for m in range(m_.walls[None]):
-            swing = m_.omega[m] * m_.amplitude[m].norm() + ti.abs(m_.spin[m]) * m_.lever[m]
+            swing = m_.omega[m] * ti.sqrt(m_.amplitude[m].norm_sqr() + m_.swing[m].norm_sqr())
+            swing += (ti.abs(m_.spin[m]) + m_.beat[m] * ti.abs(m_.rock[m])) * m_.lever[m]
             found = ti.max(found, ti.cast(m_.velocity[m].norm() + swing, w.real))
     return found
 

@@ -1,9 +1,12 @@
 """Simulates scenes and holds them to their [[checks]]."""
 
 import math
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from taichi_sand.errors import SandError, show, suggest
 from taichi_sand.measure.named import MEASURES
@@ -11,6 +14,9 @@ from taichi_sand.run.simulation import Simulation
 from taichi_sand.scene.expected import Check
 from taichi_sand.scene.schema import Scene
 from taichi_sand.study.sweep.job import numbers
+
+LOOKS = 100
+"""Moments at which a number is looked at that is followed over a time."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +72,30 @@ def moments(sim: Simulation, told: Callable[[float], None] | None) -> Iterator[t
     yield from ((one, False) for one in scene.checks if one.at in left)
 
 
+class Followed:
+    """The values of the number of a check over the last while of a simulation, at LOOKS moments of it."""
+
+    def __init__(self, sim: Simulation, check: Check) -> None:
+        self.check, self.found = check, deque[tuple[float, float]](maxlen=LOOKS)
+        self.call = sim.every(check.over / LOOKS, self.look)
+
+    def look(self, sim: Simulation) -> None:
+        """Notes what it is now, unless that is long before it is asked for."""
+        if isinstance(self.check.at, str) or sim.time > self.check.at - 1.1 * self.check.over:
+            self.found.append((sim.time, observed(sim, self.check.observable)))
+
+    def value(self, sim: Simulation) -> float:
+        """What is asked for of those values; NaN without any, or where there was nothing to measure."""
+        self.call.stop()
+        values = [value for time, value in self.found if time > sim.time - 1.01 * self.check.over]
+        return float({"mean": np.mean, "least": np.min, "most": np.max}[self.check.take](values or [math.nan]))
+
+
+def observed(sim: Simulation, observable: str) -> float:
+    """As `observe`; NaN if there is no such number now, such as of a wall that has gone."""
+    return MEASURES[observable](sim) if observable in MEASURES else numbers(sim.report()).get(observable, math.nan)
+
+
 def observe(sim: Simulation, observable: str) -> float:
     """A measurement, or a number of the report; SandError if there is none of that name."""
     if observable in MEASURES:
@@ -98,10 +128,13 @@ def check(
         for wanted in scene.checks:
             observe(sim, wanted.observable)
         rows, end = [], max(when(scene, wanted) for wanted in scene.checks)
+        followed = {id(wanted): Followed(sim, wanted) for wanted in scene.checks if wanted.over}
         told = None if progress is None else lambda _: progress(min(1.0, sim.time / end))
         for wanted, came in moments(sim, told):
             low = -math.inf if wanted.low is None else wanted.low
             high = math.inf if wanted.high is None else wanted.high
-            value = observe(sim, wanted.observable) if came else math.nan
+            value = math.nan
+            if came:
+                value = followed[id(wanted)].value(sim) if wanted.over else observed(sim, wanted.observable)
             rows.append(Row(name, wanted.observable, sim.time, value, low, high))
         return rows

@@ -10,8 +10,10 @@ import numpy as np
 from taichi_sand.errors import SandError
 from taichi_sand.files.reading import opened, read_text, reason
 from taichi_sand.files.trajectory import believed
+from taichi_sand.measure.numbers import WALLS
 
 Columns = dict[str, np.ndarray]
+OF_WALLS = "log/walls/"
 
 
 class Written(NamedTuple):
@@ -79,6 +81,10 @@ def _trajectory(path: Path) -> Written:
         names |= {name: f"log/{name}" for name in ("kinetic_energy_J", "potential_energy_J")}
         frames = range(file.nframes)
         series = {key: np.array([float(np.ravel(chunk(k, name))[0]) for k in frames]) for key, name in names.items()}
+        for name in sorted(file.find_matching_chunk_names(OF_WALLS)):
+            rows = np.array([file.read_chunk(k, name) if file.chunk_exists(k, name) else np.full(3, np.nan) for k in frames])
+            named = [form.format(name.removeprefix(OF_WALLS)) for form in WALLS["wall_forces_N"]]
+            series |= dict(zip(named, rows.T, strict=True))
         last = file.nframes - 1
         group, place, size = (chunk(last, name) for name in ("bonds/group", "particles/position", "configuration/box"))
         force = chunk(last, "log/bonds/force_n")

@@ -5,8 +5,6 @@ and ODEs are in `reference`, the set-ups in `setups`, and the tests look at many
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,37 +13,7 @@ from taichi_sand.solvers.tolerance import TOO_SOFT
 from taichi_sand.study.laboratory import INERTIA, OPEN, PERIODIC, D, Disc, G, Gallery, K, M, R, chain_forces, kinetic, simulate, unit
 from taichi_sand.study.validate import orders, setups, slope
 from taichi_sand.study.validate.reference import chain, first_bounce, hard_impact, impact, zeta_for
-
-
-@dataclass(frozen=True)
-class Row:
-    """A number that is known, what was measured, and how far off it may be."""
-
-    what: str
-    reference: float
-    measured: float
-    within: float
-
-    @property
-    def error(self) -> float:
-        """Distance from the reference."""
-        return abs(self.measured - self.reference)
-
-    @property
-    def passed(self) -> bool:
-        """Whether it is near enough; what is no number is not."""
-        return self.error <= self.within
-
-
-@dataclass(frozen=True)
-class Case:
-    """A case of the ladder; `quick` ones take seconds."""
-
-    name: str
-    source: str
-    rows: Callable[[str], list[Row]]
-    kinds: tuple[str, ...] = ("md", "rigid")
-    quick: bool = True
+from taichi_sand.study.validate.rows import Case, Row
 
 
 def free(kind: str, **keys: Any) -> dict[str, Any]:

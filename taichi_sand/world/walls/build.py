@@ -9,6 +9,7 @@ import taichi as ti
 from taichi_sand.scene import moving
 from taichi_sand.scene.grains import Pack
 from taichi_sand.scene.materials import number_of
+from taichi_sand.scene.moving import moving_walls
 from taichi_sand.scene.nearby import images, segments
 from taichi_sand.world.search.neighbour_list import MOST_REACH
 from taichi_sand.world.sleep.fall_asleep import wake
@@ -31,9 +32,10 @@ def wall_parts(scene: Any, unit: float) -> list[Part]:
     lines = [
         (piece, own_of(scene, wall)) for wall in scene.walls if not moving.moves(wall) for piece in clipped(moving.corners(wall), still)
     ]
-    parts = edge_parts(scene.size, walled, number_of(scene, scene.edges.material)) + join(lines, still)
+    speeds = [getattr(scene.edges.surface_velocity, side) for side in SIDES]
+    parts = edge_parts(scene.size, walled, number_of(scene, scene.edges.material), speeds) + join(lines, still)
     for mover, wall in enumerate(moving_walls(scene)):
-        free = still._replace(walled=(False,) * 4, wraps=wraps & (wall.spin == 0))
+        free = still._replace(walled=(False,) * 4, wraps=wraps & (not moving.turns(wall)))
         parts += join([(moving.corners(wall), own_of(scene, wall))], free, mover)
     return parts
 
@@ -41,11 +43,6 @@ def wall_parts(scene: Any, unit: float) -> list[Part]:
 def own_of(scene: Any, wall: Any) -> Own:
     """Coefficient of friction of its own, < 0: it has none; velocity of its surface along it [m/s]; and number of its material."""
     return -1.0 if wall.friction is None else wall.friction, wall.surface_velocity, number_of(scene, wall.material)
-
-
-def moving_walls(scene: Any) -> list[Any]:
-    """The [[walls]] that move."""
-    return [wall for wall in scene.walls if moving.moves(wall)]
 
 
 def standing_walls(world: World, scene: Any) -> list[np.ndarray]:
@@ -60,31 +57,36 @@ def wall_segments(world: World, scene: Any) -> np.ndarray:
 
 
 def fastest_wall(scene: Any) -> float:
-    """Speed of the fastest point of a wall, or of its surface [m/s]."""
-    return max((moving.top_speed(wall) for wall in scene.walls), default=0.0)
+    """Speed of the fastest point of a wall, or of its surface, or that of an edge [m/s]."""
+    return max([abs(speed) for _, speed in scene.edges.surface_velocity] + [moving.top_speed(wall) for wall in scene.walls])
 
 
 def shortest_shake(scene: Any) -> float:
-    """Shortest period with which a wall is shaken [s]; infinite if none is."""
-    return min((1 / wall.shake.frequency for wall in scene.walls if wall.shake), default=float("inf"))
+    """Shortest period with which a wall is shaken or rocked [s]; infinite if none is."""
+    return min((moving.shortest_period(wall) for wall in scene.walls), default=math.inf)
 
 
 def wall_loads(scene: Any, pack: Pack) -> dict[str, float]:
-    """What walls with `force` load the grains of `pack` with, as members of a bed: spread over the columns of grains that a wall spans."""
-    driven, count = [wall for wall in scene.walls if wall.force], max(1, len(pack))
+    """What walls with `force` or `pressure` load the grains of `pack` with, as members of a bed: spread over the columns of grains that a
+    wall spans.
+    """
+    driven, count = [wall for wall in scene.walls if moving.drive(wall)], max(1, len(pack))
     diameter = 2 * float(pack.size.mean()) if len(pack) else math.inf
     columns = [min(count, max(1.0, moving.breadth(wall) / diameter)) for wall in driven]
-    thrust = max((wall.force / spread for wall, spread in zip(driven, columns, strict=True)), default=0.0)
+    loads = [wall.pressure * diameter if wall.pressure else wall.force / spread for wall, spread in zip(driven, columns, strict=True)]
+    thrust = max((load for load in loads if math.isfinite(load)), default=0.0)
     energy = max((0.5 * (wall.mass or 0.0) * math.hypot(*wall.velocity) ** 2 for wall in driven), default=0.0)
     return {"thrust": thrust, "ram": energy / count}
 
 
 def check_speeds(scene: Any, cap: float) -> None:
     """SandError if a wall moves faster than can be followed, `cap` [m/s]."""
-    for index, wall in enumerate(scene.walls):
-        if (speed := moving.top_speed(wall)) > cap:
+    speeds = {f"edges.surface_velocity.{side}": abs(speed) for side, speed in scene.edges.surface_velocity}
+    speeds |= {f"walls.{wall.name}" if wall.name else f"walls[{k}]": moving.top_speed(wall) for k, wall in enumerate(scene.walls)}
+    for name, speed in speeds.items():
+        if speed > cap:
             text = f"moves at up to {speed:.3g} m/s; with this step no more than {cap:.3g} m/s can be followed, a smaller one allows more"
-            raise scene.error(f"walls.{wall.name}" if wall.name else f"walls[{index}]", text)
+            raise scene.error(name, text)
 
 
 def set_patience(world: World, scene: Any) -> None:
@@ -118,9 +120,9 @@ def build_movers(scene: Any, parts: list[Part], walls: Any, sites: tuple[int, in
     if not found:
         return None
     count, entries = sum(part.mover >= 0 for part in parts), walls.part.shape[0] - walls.room
-    driven = any(wall.force for wall in found)
+    driven = any(moving.drive(wall) for wall in found)
     movers = allocate_movers(real, real if gpu else ti.f64, len(found), part_room(walls.room, parts), count, sites, entries, driven)
-    set_out(movers, found)
+    set_out(movers, scene)
     write_parts(movers, parts)
     return movers
 
@@ -170,7 +172,7 @@ def tables_of(world: World, scene: Any) -> dict[str, np.ndarray]:
     if world.mixed:
         tables["walls.material"] = np.array([part.material for part in parts])
     if world.moves:
-        fixed = constants(moving_walls(scene))
+        fixed = constants(scene)
         moved = {**fixed, **part_columns(parts, fixed["pivot"]), "wall": owners(world.movers, parts)}
         moved |= {"walls": np.array(len(fixed["spin"])), "parts": np.array(len(moved["part"]))}
         tables |= {f"movers.{name}": values for name, values in moved.items()}
@@ -187,7 +189,7 @@ def structure_fits(world: World, scene: Any) -> bool:
         return True
     parts = sum(part.mover >= 0 for part in wall_parts(scene, world.box[None].least))
     room = len(found) < world.movers.twist.shape[0] and parts <= world.movers.part.shape[0]
-    return room and (world.movers.driven or not any(wall.force for wall in found))
+    return room and (world.movers.driven or not any(moving.drive(wall) for wall in found))
 
 
 def places_now(parts: list[Part], walls: list[Any], times: Any) -> np.ndarray:
@@ -195,7 +197,7 @@ def places_now(parts: list[Part], walls: list[Any], times: Any) -> np.ndarray:
     found = np.array([[*part.point, *part.along, *part.bounds] for part in parts]).reshape(-1, 6)
     for m, (wall, time) in enumerate(zip(walls, times, strict=True)):
         rows = np.array([part.mover == m for part in parts])
-        cos, sin = np.cos(wall.spin * time), np.sin(wall.spin * time)
+        cos, sin = np.cos(moving.turn_at(wall, time)), np.sin(moving.turn_at(wall, time))
         turn = np.array([[cos, sin], [-sin, cos]])
         found[rows, :2] = (found[rows, :2] - moving.pivot(wall)) @ turn + moving.pivot_at(wall, float(time))
         found[rows, 2:4] = found[rows, 2:4] @ turn
@@ -219,7 +221,7 @@ def change_walls(world: World, before: Any, after: Any, clocks: dict[str, np.nda
     clocks = clocks_of(world.movers) if clocks is None else clocks
     here = places_now(old, moving_walls(before), clocks["age"] + clocks["since"] if clocks else ()) / unit
     if world.moves:
-        go_on(world.movers, moving_walls(before), moving_walls(after), clocks)
+        go_on(world.movers, before, after, clocks)
         write_parts(world.movers, new)
         set_patience(world, after)
     there = places_now(new, moving_walls(after), hours(world.movers) if world.moves else ()) / unit

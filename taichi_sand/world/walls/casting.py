@@ -3,7 +3,7 @@
 import taichi as ti
 
 from taichi_sand.world.search.growth import ENTRIES, lack
-from taichi_sand.world.walls.motion import pivot_at
+from taichi_sand.world.walls.motion import pivot_at, turn_at
 
 
 @ti.func
@@ -20,7 +20,7 @@ def cast_walls(w: ti.template()):
     for k in range(movers.parts[None]):
         m = movers.wall[movers.part[k]]
         if m >= 0:
-            angle = movers.spin[m] * movers.age[m]
+            angle = turn_at(movers, m, movers.age[m])
             cos, sin = ti.cos(angle), ti.sin(angle)
             home, bounds = movers.home[k], movers.bounds[k]
             pivot = pivot_at(movers, m, movers.age[m], movers.omega[m] * movers.age[m])

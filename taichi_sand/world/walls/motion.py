@@ -1,18 +1,18 @@
 """Walls that move: their clocks, where they are, how fast, and the lattice sites they are felt from.
 
 Every moving wall has a clock, and is where the scene says it is at the time that its clock shows (scene.moving). The clock keeps
-simulated time, unless grains are wedged between it and what it closes on, another wall or a fixed grain: a wall without `force` then
-slows down, waits and yields; one with `force` runs as that and what it meets make it (world.walls.servo). Since the last
+simulated time, unless grains are wedged between it and what it closes on, another wall or a fixed grain: a wall without `force` or
+`pressure` then slows down, waits and yields; one with it runs as that and what it meets make it (world.walls.servo). Since the last
 list build a wall has turned and shifted a little; its parts are listed anew, by lattice site, in every one.
 """
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import taichi as ti
 
 from taichi_sand.scene import moving
+from taichi_sand.scene.loaded import spans
 from taichi_sand.taichi_support import field_pool
 from taichi_sand.world.flags import WALL_WAITS, flag
 from taichi_sand.world.tables import round_up, site_rows, write_rows
@@ -29,7 +29,7 @@ LASTS = 4.0
 
 CLOCKS = ("age", "since", "rate", "onward", "strain", "brace")
 """Columns that change as a wall goes on, and follow from nothing else."""
-SCALARS = ("lever", "force", "mass", "speed", "since", "rate", "onward", "phase", "press", "brace", "strain")
+SCALARS = ("lever", "force", "mass", "speed", "since", "rate", "onward", "phase", "tilt", "press", "brace", "strain")
 
 
 class Movers(NamedTuple):
@@ -37,13 +37,18 @@ class Movers(NamedTuple):
 
     walls: Any  # 0-D i32: how many move
     parts: Any  # 0-D i32: how many parts these have
-    velocity: Any  # as the scene has it, as the next four: 2-vector [m/s], wide
+    velocity: Any  # as the scene has it, as what follows up to `lever`: 2-vector [m/s], wide
     spin: Any  # [rad/s], wide
     pivot: Any  # 2-vector [m], wide
-    amplitude: Any  # 2-vector [m], wide
+    amplitude: Any  # of the sine of its shaking, 2-vector [m], wide
+    swing: Any  # of the cosine
     omega: Any  # [rad/s], wide
+    rock: Any  # largest angle of its rocking [rad], wide
+    beat: Any  # [rad/s], wide
     lever: Any  # of the farthest point [m]
-    force: Any  # that it is driven with [N]; 0 = it has none, and moves as the scene has it
+    force: Any  # that it is driven with, for every metre of `span` [N/m], or in all [N]; 0 = it has none, and moves as the scene has it
+    span: Any  # own ends across its course, and of what is beside it, at time 0 (scene.loaded): 4-vector [m]; 0, 1, 0, 1 of one with force
+    beside: Any  # which moving walls the latter are, -1 = what stands still: 2-vector, i32
     mass: Any  # of a wall with force [kg]
     way: Any  # its course, a unit 2-vector
     speed: Any  # along it at rate 1 [m/s]
@@ -53,6 +58,7 @@ class Movers(NamedTuple):
     onward: Any  # how fast a wall with force goes into the next one
     hinge: Any  # where the pivot was at the last list build [m], 2-vector
     phase: Any  # of the shaking then [rad]
+    tilt: Any  # of the rocking then [rad]
     start: Any  # motion then: velocity of the pivot x, y and spin, 0; 4-vector
     pose: Any  # cosine and sine of the turn, and the shift of the pivot, since; 4-vector
     course: Any  # motion that the scene asks for now
@@ -80,10 +86,11 @@ class Movers(NamedTuple):
 def allocate_movers(real: Any, wide: Any, walls: int, every: int, parts: int, sites: tuple[int, int], entries: int, driven: bool) -> Movers:
     """Empty tables for so many moving walls, parts of all walls, parts that move, lattice sites and entries."""
     walls, parts = round_up(walls), round_up(parts)
-    pairs = {"velocity": wide, "pivot": wide, "amplitude": wide, "hinge": real, "way": real}
+    pairs = {"velocity": wide, "pivot": wide, "amplitude": wide, "swing": wide, "hinge": real, "way": real, "beside": ti.i32}
     columns: dict[str, Any] = {name: field_pool.vectors(2, kind, walls) for name, kind in pairs.items()}
     columns |= {name: field_pool.vectors(4, real, walls) for name in ("start", "pose", "course", "twist")}
-    columns |= {name: field_pool.scalars(wide, walls) for name in ("spin", "omega", "age")}
+    columns |= {"span": field_pool.vectors(4, wide, walls)}
+    columns |= {name: field_pool.scalars(wide, walls) for name in ("spin", "omega", "rock", "beat", "age")}
     columns |= {name: field_pool.scalars(real, walls) for name in SCALARS}
     columns |= {
         **{name: field_pool.scalars(ti.i32, ()) for name in ("walls", "parts", "count", "first")},
@@ -102,19 +109,25 @@ def allocate_movers(real: Any, wide: Any, walls: int, every: int, parts: int, si
     return Movers(**columns, driven=driven)
 
 
-def constants(walls: Sequence[Any]) -> dict[str, np.ndarray]:
-    """What of their tables follows from these moving [[walls]], and stays; a row a wall."""
-    shakes = [moving.shaking(wall) for wall in walls]
+def constants(scene: Any) -> dict[str, np.ndarray]:
+    """What of their tables follows from the [[walls]] of `scene` that move, and stays; a row a wall."""
+    walls = moving.moving_walls(scene)
+    shakes, rocks, (span, beside) = [moving.shaking(wall) for wall in walls], [moving.rocking(wall) for wall in walls], spans(scene)
     speeds = np.array([np.hypot(*wall.velocity) for wall in walls])
     velocities = np.array([wall.velocity for wall in walls])
     columns = {
         "velocity": velocities,
         "spin": [wall.spin for wall in walls],
         "pivot": [moving.pivot(wall) for wall in walls],
-        "amplitude": [amplitude for amplitude, _ in shakes],
-        "omega": [omega for _, omega in shakes],
+        "amplitude": [sine for sine, _, _ in shakes],
+        "swing": [cosine for _, cosine, _ in shakes],
+        "omega": [omega for _, _, omega in shakes],
+        "rock": [angle for angle, _ in rocks],
+        "beat": [beat for _, beat in rocks],
         "lever": [moving.lever(wall) for wall in walls],
-        "force": [wall.force or 0.0 for wall in walls],
+        "force": [moving.drive(wall) for wall in walls],
+        "span": span,
+        "beside": beside,
         "mass": [wall.mass or 0.0 for wall in walls],
         "way": velocities / np.maximum(speeds, 1e-30)[:, None],
         "speed": speeds,
@@ -122,10 +135,11 @@ def constants(walls: Sequence[Any]) -> dict[str, np.ndarray]:
     return {name: np.array(values) for name, values in columns.items()}
 
 
-def set_out(movers: Movers, walls: Sequence[Any]) -> None:
-    """All clocks at 0, for these moving [[walls]]; one with a mass starts from rest."""
+def set_out(movers: Movers, scene: Any) -> None:
+    """All clocks at 0, for the [[walls]] of `scene` that move; one with a mass starts from rest."""
+    walls = moving.moving_walls(scene)
     rates = np.array([0.0 if wall.mass else 1.0 for wall in walls])
-    columns = {**constants(walls), "rate": rates, "onward": rates}
+    columns = {**constants(scene), "rate": rates, "onward": rates}
     columns |= {name: np.full(getattr(movers, name).shape[0], -1) for name in ("head", "next")}
     for name, values in columns.items():
         write_rows(getattr(movers, name), values)
@@ -138,15 +152,17 @@ def clocks_of(movers: Movers | None) -> dict[str, np.ndarray]:
     return {name: getattr(movers, name).to_numpy()[: movers.walls[None]] for name in CLOCKS} if movers else {}
 
 
-def go_on(movers: Movers, before: Sequence[Any], after: Sequence[Any], clocks: dict[str, np.ndarray]) -> None:
-    """The moving [[walls]] `after` take the place of those `before` with these clocks: what moves as it did goes on, others set out."""
+def go_on(movers: Movers, before: Any, after: Any, clocks: dict[str, np.ndarray]) -> None:
+    """The moving [[walls]] of scene `after` take the place of those of `before` with these clocks: what moves as it did goes on, others
+    set out.
+    """
     set_out(movers, after)
-    left = dict(enumerate(map(moving.motion, before)))
+    left = dict(enumerate(map(moving.motion, moving.moving_walls(before))))
     columns = {name: getattr(movers, name).to_numpy() for name in CLOCKS}
     for name in CLOCKS:
         if name not in ("rate", "onward"):
             columns[name][:] = 0
-    for row, wall in enumerate(after):
+    for row, wall in enumerate(moving.moving_walls(after)):
         same = next((number for number, other in left.items() if other == moving.motion(wall)), None)
         if same is not None:
             del left[same]
@@ -165,14 +181,29 @@ def hours(movers: Movers) -> np.ndarray:
 def shift_of(movers: ti.template(), m, phase, time):
     """Shift of the pivot of wall m within `time` after the shaking had this phase [m]."""
     turn = 0.5 * movers.omega[m] * time
-    return movers.velocity[m] * time + 2.0 * ti.cos(phase + turn) * ti.sin(turn) * movers.amplitude[m]
+    shift = movers.velocity[m] * time + 2.0 * ti.cos(phase + turn) * ti.sin(turn) * movers.amplitude[m]
+    return shift - 2.0 * ti.sin(phase + turn) * ti.sin(turn) * movers.swing[m]
 
 
 @ti.func
-def motion_at(movers: ti.template(), m, phase):
-    """Velocity of the pivot [m/s] and spin [rad/s] of wall m when the shaking has this phase, its clock going at rate 1."""
+def turned_within(movers: ti.template(), m, tilt, time):
+    """By how much wall m turns within `time` after the rocking had this phase [rad]."""
+    turn = 0.5 * movers.beat[m] * time
+    return movers.spin[m] * time + 2.0 * ti.cos(tilt + turn) * ti.sin(turn) * movers.rock[m]
+
+
+@ti.func
+def turn_at(movers: ti.template(), m, age):
+    """By how much wall m has turned when its clock shows `age` [rad], wide."""
+    return movers.spin[m] * age + movers.rock[m] * ti.sin(movers.beat[m] * age)
+
+
+@ti.func
+def motion_at(movers: ti.template(), m, phase, tilt):
+    """Velocity of the pivot [m/s] and spin [rad/s] of wall m when shaking and rocking have these phases, its clock going at rate 1."""
     v = movers.velocity[m] + movers.omega[m] * ti.cos(phase) * movers.amplitude[m]
-    return ti.Vector([v.x, v.y, movers.spin[m], 0.0])
+    v -= movers.omega[m] * ti.sin(phase) * movers.swing[m]
+    return ti.Vector([v.x, v.y, movers.spin[m] + movers.beat[m] * ti.cos(tilt) * movers.rock[m], 0.0])
 
 
 @ti.func
@@ -183,11 +214,12 @@ def place_walls(w: ti.template(), ahead, lead):
         for m in range(movers.walls[None]):
             step = movers.rate[m] * w.pace[None].step
             time = movers.since[m] + ahead * step
-            turn = ti.cast(movers.spin[m] * time, w.real)
+            turn = ti.cast(turned_within(movers, m, movers.tilt[m], time), w.real)
             shift = ti.cast(shift_of(movers, m, movers.phase[m], time), w.real)
             movers.pose[m] = ti.Vector([ti.cos(turn), ti.sin(turn), shift.x, shift.y])
-            phase = movers.phase[m] + movers.omega[m] * (movers.since[m] + lead * step)
-            movers.course[m] = ti.cast(motion_at(movers, m, phase), w.real)
+            hour = movers.since[m] + lead * step
+            phase, tilt = movers.phase[m] + movers.omega[m] * hour, movers.tilt[m] + movers.beat[m] * hour
+            movers.course[m] = ti.cast(motion_at(movers, m, phase, tilt), w.real)
             movers.twist[m] = ti.cast(movers.rate[m], w.real) * movers.course[m]
             movers.press[m] = 0.0
 
@@ -209,7 +241,7 @@ def close_walls(w: ti.template()):
             if movers.rate[m] < 1.0:
                 flag(w, WALL_WAITS, m)
         time = ti.cast(pace.since + 1, w.real) * pace.step
-        turn = ti.cast(movers.spin[m], w.real) * movers.since[m]
+        turn = ti.cast(turned_within(movers, m, movers.tilt[m], movers.since[m]), w.real)
         shift = ti.cast(shift_of(movers, m, movers.phase[m], movers.since[m]), w.real)
         off = (shift - movers.start[m].xy * time).norm()
         off += movers.lever[m] * (ti.abs(turn - movers.start[m].z * time) + 0.5 * turn * turn)
@@ -235,12 +267,12 @@ def start_walls(w: ti.template()):
     fastest = ti.Vector([0.0, 0.0])
     for m in range(movers.walls[None]):
         age = movers.age[m] + movers.since[m]
-        turns = movers.omega[m] * age / (2 * ti.math.pi)
-        phase = 2 * ti.math.pi * (turns - ti.floor(turns))
-        movers.age[m], movers.since[m], movers.phase[m] = age, 0.0, ti.cast(phase, w.real)
+        phase, tilt = within_turn(movers.omega[m] * age), within_turn(movers.beat[m] * age)
+        movers.age[m], movers.since[m] = age, 0.0
+        movers.phase[m], movers.tilt[m] = ti.cast(phase, w.real), ti.cast(tilt, w.real)
         movers.hinge[m] = ti.cast(pivot_at(movers, m, age, phase), w.real)
         movers.pose[m] = ti.Vector([1.0, 0.0, 0.0, 0.0])
-        movers.start[m] = ti.cast(movers.rate[m] * motion_at(movers, m, phase), w.real)
+        movers.start[m] = ti.cast(movers.rate[m] * motion_at(movers, m, phase, tilt), w.real)
         motion = movers.start[m]
         speed = motion.xy.norm() + ti.abs(motion.z) * movers.lever[m]
         fastest = ti.max(fastest, ti.Vector([speed, ti.abs(motion.z)]))
@@ -250,4 +282,12 @@ def start_walls(w: ti.template()):
 @ti.func
 def pivot_at(movers: ti.template(), m, age, phase):
     """Where the pivot of wall m is when its clock shows `age` [m], wide."""
-    return movers.pivot[m] + movers.velocity[m] * age + ti.sin(phase) * movers.amplitude[m]
+    swung = (1.0 - ti.cos(phase)) * movers.swing[m]
+    return movers.pivot[m] + movers.velocity[m] * age + ti.sin(phase) * movers.amplitude[m] - swung
+
+
+@ti.func
+def within_turn(angle):
+    """The same angle, 0 … 2 π."""
+    turns = angle / (2 * ti.math.pi)
+    return 2 * ti.math.pi * (turns - ti.floor(turns))

@@ -38,14 +38,16 @@ COLUMNS = ("start", "part", "side", "point", "along", "bounds", "slopes")
 """Of the table, as `cast_parts` gives them."""
 
 
-def edge_parts(size: tuple[float, float], walled: Sequence[bool], material: int) -> list[Part]:
-    """The edges of the box that are walls, in the order left, right, bottom, top; `along` has the inside on its left."""
+def edge_parts(size: tuple[float, float], walled: Sequence[bool], material: int, speeds: Sequence[float]) -> list[Part]:
+    """The edges of the box that are walls, in the order left, right, bottom, top; `along` has the inside on its left. Their surfaces move
+    at these speeds [m/s], upwards and to the right.
+    """
     w, h = size
     corners = [((0, 0), (0, -1)), ((w, 0), (0, 1)), ((0, 0), (1, 0)), ((0, h), (-1, 0))]
     endless = np.array([-FAR, FAR])
     return [
-        Part(np.array(point, float), np.array(along, float), endless, 1, material=material)
-        for (point, along), wall in zip(corners, walled, strict=True)
+        Part(np.array(point, float), np.array(along, float), endless, 1, -1.0, tuple(speed * np.abs(along)), material=material)
+        for (point, along), wall, speed in zip(corners, walled, speeds, strict=True)
         if wall
     ]
 

@@ -1,4 +1,4 @@
-"""Walls with `force`: one degree of freedom each, the rate u at which they run along their course, -1 … 1 times their velocity.
+"""Walls with `force` or `pressure`: one degree of freedom each, the rate u at which they run along their course, in velocities.
 
 Such a wall takes what its force and the contacts with grains make of it: M dv/dt = F - P, with P what the contacts resist along the
 course, and no faster than its velocity either way. P is a rising function of the rate, made of all contacts with the wall, so the
@@ -14,6 +14,7 @@ import taichi as ti
 from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.blocks import block_count, going
 from taichi_sand.world.geometry import distance_to_second, perp, wall_row
+from taichi_sand.world.walls.motion import pivot_at
 
 MOST_TRIALS = 24
 """Rates that are tried in a step; at rest two are, on a hard landing some ten."""
@@ -104,6 +105,20 @@ def swinging(w: ti.template(), p, normal, wall: ti.template()):
                 if w.movers.mass[m] > 0.0:
                     root /= ti.sqrt(1.0 + (root * w.movers.way[m].dot(normal)) ** 2 / w.movers.mass[m])
     return root
+
+
+@ti.func
+def thrust(w: ti.template(), m):
+    """What wall m is driven with now [N]: its force, or its pressure times the length that can be loaded."""
+    movers = ti.static(w.movers)
+    span, way = movers.span[m], movers.way[m]
+    across = ti.Vector([-way.y, way.x])
+    for k in ti.static(range(2)):
+        n = movers.beside[m][k]
+        if n >= 0:
+            age = movers.age[n] + movers.since[n]
+            span[2 + k] += (pivot_at(movers, n, age, movers.omega[n] * age) - movers.pivot[n]).dot(across)
+    return movers.force[m] * ti.cast(ti.max(0.0, ti.min(span.y, span.w) - ti.max(span.x, span.z)), w.real)
 
 
 @ti.func
@@ -225,7 +240,7 @@ def bear_wall(
     movers = ti.static(w.movers)
     if ti.static(first):
         movers.onward[m] = movers.rate[m]
-    impulse, start = movers.force[m] * c.step, movers.onward[m]
+    impulse, start = thrust(w, m) * c.step, movers.onward[m]
     rate = balance(w, s, c, m, push, 0.0, impulse, movers.mass[m], start, movers.rate[m])
     if ti.static(first):
         movers.rate[m] = rate
