@@ -48,6 +48,7 @@ from taichi_sand.scene.sizes import Sizes, spread
 from taichi_sand.taichi_support.host_access import reader
 from taichi_sand.world.clumps import disc_around, discs_around
 from taichi_sand.world.geometry import mobility, perp, spin, velocity
+from taichi_sand.world.search.images import fold
 
 Integers = ti.types.ndarray(dtype=ti.i32, ndim=1)
 Couples, Names, Turns, Vectors, Energies = (
@@ -131,6 +132,8 @@ def lay_grains(
                 free = mass
             if give.z > 0.0:
                 inertia = 1.0 / ti.cast(give.z, real)
+            if ti.static(w.sheared):
+                x = fold(w, x, ti.Vector([numbers[0], numbers[1]]))
             half = 0.5 * (ti.cast(w.grains.angle[i], real) + ti.cast(w.grains.turn[i], real))
             many, area, nothing = discs_around(w, i), ti.cast(0.0, real), ti.cast(0.0, real)
             for k in range(many):

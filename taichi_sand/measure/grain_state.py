@@ -12,6 +12,7 @@ from taichi_sand.measure.wall_numbers import names
 from taichi_sand.scene import moving
 from taichi_sand.scene.loaded import loaded_length
 from taichi_sand.world.reading import read_columns
+from taichi_sand.world.search.images import nearest
 from taichi_sand.world.walls.build import SIDES
 from taichi_sand.world.walls.motion import hours
 
@@ -48,8 +49,7 @@ def ends(state: dict[str, np.ndarray], rows: np.ndarray) -> tuple[np.ndarray, np
 
 def unwrapped(way: np.ndarray, sim: Any) -> np.ndarray:
     """Ways (n, 2) by the shortest image."""
-    size = np.array(sim.scene.size)
-    return way - np.where(sim.scene.periodic, np.round(way / size) * size, 0.0)
+    return nearest(way, sim.world, sim.scene.size)
 
 
 def stresses(sim: Any, state: dict[str, np.ndarray], rows: np.ndarray) -> np.ndarray:

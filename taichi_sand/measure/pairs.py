@@ -15,6 +15,7 @@ import taichi as ti
 from taichi_sand.world.blocks import block_count
 from taichi_sand.world.clumps import MOST, turned
 from taichi_sand.world.geometry import distance_to_second, mobility, moved, radii, spin, turned_by, velocity, wall_row
+from taichi_sand.world.search.images import fold
 from taichi_sand.world.search.pair_history import BEYOND, discs_of
 
 ROW, ONE, TWO, DISCS, STATE = range(5)
@@ -138,11 +139,7 @@ def point_of(w: ti.template(), p, gap, normal, share, real: ti.template()):
     if gap < BEYOND:
         reach += share * gap
     point = place(w, i, real) + ti.cast(arm + reach * normal, real)
-    for k in ti.static(range(2)):
-        if ti.static(w.periodic[k]):
-            size = ti.cast(w.box[None].size[k], real)
-            point[k] -= ti.floor(point[k] / size) * size
-    return point
+    return fold(w, point, ti.cast(w.box[None].size, real))
 
 
 @ti.func

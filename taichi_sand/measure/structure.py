@@ -11,6 +11,7 @@ from taichi_sand.measure.pairs import gap_now
 from taichi_sand.world.clumps import turned
 from taichi_sand.world.extras.wetness import soaked
 from taichi_sand.world.geometry import add, mobility, movable, perp, position, spin, velocity
+from taichi_sand.world.search.images import fold
 from taichi_sand.world.search.pair_history import BEYOND
 from taichi_sand.world.sweep import every_pair
 from taichi_sand.world.tables import World
@@ -221,10 +222,8 @@ def fill_places(w: ti.template(), places: Points):
     """x, y and radius of every grain; within the box where it is periodic."""
     ti.loop_config(serialize=w.serial)
     for i in range(w.count[None]):
-        place = position(w, i)
+        place = fold(w, position(w, i), w.box[None].size)
         for k in ti.static(range(2)):
-            if ti.static(w.periodic[k]):
-                place[k] -= ti.floor(place[k] / w.box[None].size[k]) * w.box[None].size[k]
             places[i, k] = ti.cast(place[k], ti.f32)
         places[i, 2] = ti.cast(w.grains.radius[i], ti.f32)
 

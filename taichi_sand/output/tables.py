@@ -11,6 +11,7 @@ from taichi_sand.errors import SandError
 from taichi_sand.files import writing
 from taichi_sand.measure.contacts import contacts
 from taichi_sand.measure.numbers import numbers
+from taichi_sand.world.search.images import nearest
 
 if TYPE_CHECKING:
     from taichi_sand.run.simulation import Simulation
@@ -65,9 +66,9 @@ def of_contacts(sim: "Simulation") -> Columns:
     """
     found, ids, place = contacts(sim), sim.ids, sim.positions
     point, wall = found["point"], found["id2"] < 0
-    one = _beside(place[np.searchsorted(ids, found["id1"])], point, sim.scene)
+    one = _beside(place[np.searchsorted(ids, found["id1"])], point, sim)
     other = point.copy()
-    other[~wall] = _beside(place[np.searchsorted(ids, found["id2"][~wall])], point[~wall], sim.scene)
+    other[~wall] = _beside(place[np.searchsorted(ids, found["id2"][~wall])], point[~wall], sim)
     columns = {"time": np.full(len(found), sim.time), "id1": found["id1"], "id2": found["id2"]}
     for name, values in (("pos1", one), ("pos2", other), ("contact_point", point), ("normal", found["normal"])):
         columns |= {f"{name}_x": values[:, 0], f"{name}_y": values[:, 1]}
@@ -76,10 +77,10 @@ def of_contacts(sim: "Simulation") -> Columns:
     return {name: np.ascontiguousarray(column) for name, column in columns.items()}
 
 
-def _beside(place: np.ndarray, point: np.ndarray, scene: Any) -> np.ndarray:
+def _beside(place: np.ndarray, point: np.ndarray, sim: "Simulation") -> np.ndarray:
     """The images of places (n, 2) in a periodic box that are nearest to points (n, 2) [m]."""
-    size = np.array(scene.size)
-    return place - size * np.round((place - point) / size) * scene.periodic
+    way = place - point
+    return place - (way - nearest(way, sim.world, sim.scene.size))
 
 
 class Series:

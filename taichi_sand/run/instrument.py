@@ -113,8 +113,10 @@ class Instrument:
         spacing is the nearest that fits. Walls mirror nothing: within `width` of one, fields fall off.
 
         Raises:
-            SandError: spacing or width are no lengths, or too small.
+            SandError: spacing or width are no lengths, or too small; or the images of the box slide (`edges.shear_rate`).
         """
+        if self.scene.edges.shear_rate:
+            raise self.scene.error("edges.shear_rate", "fields of a box whose images slide are not computed")
         from taichi_sand.measure import fields as measured
         from taichi_sand.measure.grain_state import state_of
 

@@ -8,6 +8,7 @@ import numpy as np
 from taichi_sand.measure import discs as on_host
 from taichi_sand.measure.discs import Kinds
 from taichi_sand.scene.nearby import close_pairs, near_walls, off_walls
+from taichi_sand.world.search.images import folded, offset_of
 from taichi_sand.world.walls.build import wall_segments
 
 
@@ -28,20 +29,21 @@ class Discs:
 def discs_of(sim: Any, ids: np.ndarray, position: np.ndarray, angle: np.ndarray, radius: np.ndarray, kind: np.ndarray) -> Discs:
     """The discs of grains at `position` (n, 2) [m], of `radius` (n,) [m] around them, turned by `angle` (n,)."""
     found = on_host.discs_of(Kinds(sim.scene), kind, position, angle, radius)
-    size = np.array(sim.scene.size)
-    return Discs(np.where(sim.scene.periodic, found.place % size, found.place), found.radius, np.asarray(ids)[found.owner])
+    return Discs(folded(found.place, sim.world, sim.scene.size), found.radius, np.asarray(ids)[found.owner])
 
 
 def with_images(discs: Discs, sim: Any, reach: float) -> Discs:
     """These discs, and what is seen of them beyond periodic edges, as far as `reach` [m]."""
     position, rows = discs.position, np.arange(len(discs.radius))
-    for axis in np.flatnonzero(sim.scene.periodic):
+    for axis in np.flatnonzero(sim.scene.periodic)[::-1]:
         side = sim.scene.size[axis]
         for sign in (-1, 1):
             seen = np.flatnonzero(position[:, axis] < reach) if sign > 0 else np.flatnonzero(position[:, axis] > side - reach)
             seen = seen[seen < len(rows)]
             moved = position[seen].copy()
             moved[:, axis] += sign * side
+            if axis == 1 and sim.world.sheared:
+                moved[:, 0] = (moved[:, 0] + sign * offset_of(sim.world)) % sim.scene.size[0]
             position, rows = np.concatenate([position, moved]), np.concatenate([rows, rows[seen]])
     return Discs(position, discs.radius[rows], discs.grain[rows])
 

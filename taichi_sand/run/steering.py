@@ -17,6 +17,7 @@ from taichi_sand.scene.shapes import BUILT_IN, Form, form, inertia, mass
 from taichi_sand.world import edit
 from taichi_sand.world.extras.steady_force import exert
 from taichi_sand.world.reading import read_columns
+from taichi_sand.world.search.images import folded
 from taichi_sand.world.sleep.fall_asleep import wake
 
 DENSITY = 2650.0
@@ -235,7 +236,7 @@ class Steering:
     def _inside(self, function: str, positions: Any, count: int) -> np.ndarray:
         """Positions (n, 2) within the box, where it is periodic folded into it; SandError if one is not."""
         found, size = array(function, "positions", positions, (count, 2)), np.array(self.scene.size)
-        found = np.where(self.scene.periodic, found % size, found)
+        found = folded(found, self.world, size)
         out = np.flatnonzero(((found < 0) | (found > size)).any(axis=1))
         if len(out):
             box = f"x 0 … {size[0]:g}, y 0 … {size[1]:g} m"

@@ -169,6 +169,8 @@ def scene(table: Any) -> None:
         if (getattr(edges, one) == "periodic") != (getattr(edges, other) == "periodic"):
             text = f' = "{getattr(edges, one)}" but edges.{other} = "{getattr(edges, other)}": periodic edges come in opposite pairs'
             raise Wrong(f"edges.{one}", text)
+    if edges.shear_rate:
+        _sheared(table)
     for side, speed in edges.surface_velocity:
         where = f"edges.surface_velocity.{side}"
         if speed and getattr(edges, side) != "wall":
@@ -201,6 +203,23 @@ def scene(table: Any) -> None:
     shown = SHOWS.get(table.view.color)
     if shown and shown not in table.effects:
         raise Wrong("view.color", f' = "{table.view.color}" needs a table [effects.{shown}]')
+
+
+SHEARED = ("friction", "rolling", "cohesion")
+"""Effects that there may be where images slide: what they do between two grains follows from the pair alone."""
+
+
+def _sheared(table: Any) -> None:
+    """What a box has whose images slide."""
+    if not all(table.periodic):
+        raise Wrong("edges.shear_rate", f" = {table.edges.shear_rate:g} needs four edges that are periodic")
+    for kind in ("walls", "sources"):
+        if getattr(table, kind):
+            raise Wrong("edges.shear_rate", f" = {table.edges.shear_rate:g} does not go with [[{kind}]]")
+    for name in table.effects:
+        if name not in SHEARED:
+            text = f" = {table.edges.shear_rate:g} does not go with [effects.{name}]; with {', '.join(SHEARED)} it does"
+            raise Wrong("edges.shear_rate", text)
 
 
 def _belt(table: Any, where: str, speed: float) -> None:

@@ -34,6 +34,8 @@ def pack(scene: Scene) -> Pack:
                 taken.add(rows[index][:, :2], rows[index][:, 2])
     rows |= _random(scene, [index for index in range(len(scene.grains)) if index not in rows], taken, streams, darts)
     parts = [_pack_table(scene, table, index, rows[index], streams[index]) for index, table in enumerate(scene.grains)]
+    for part in parts:  # all at rest in the flow
+        part.velocity[:, 0] += scene.edges.shear_rate * (part.position[:, 1] - 0.5 * scene.size[1])
     parts = parts or [_pack_table(scene, Grains(radius=(1.0, 1.0), count=1), 0, np.empty((0, 7)), darts)]
     _check_number(scene, 0, sum(map(len, parts)))
     columns = [name for name in Pack.__dataclass_fields__ if name != "forms"]

@@ -49,6 +49,9 @@ class Edges(Table):
     top: Edge = key("wall", "wall, open or periodic (together with bottom)")
     material: str = key("", "name of one of [[materials]] that those which are walls are made of")
     surface_velocity: EdgeSpeeds = key(EdgeSpeeds(), "{ bottom = 0.2, … }: of surfaces along edges that are walls, conveyor belts", "m/s")
+    shear_rate: Number = key(
+        0.0, "in a box that is periodic both ways: images above run to the right by this times its height (Lees and Edwards 1972)", "1/s"
+    )
 
 
 class Solver(Table):

@@ -3,7 +3,7 @@
 import taichi as ti
 
 from taichi_sand.world.clumps import head, turned
-from taichi_sand.world.geometry import add, at_least, perp, spin, velocity, wrench
+from taichi_sand.world.geometry import add, at_least, motion_of, perp, spin, wrench
 
 
 @ti.func
@@ -78,11 +78,11 @@ def advance(w: ti.template(), i, way, gain, time):
 
 
 @ti.func
-def go_on(w: ti.template(), i, j, before, time, one, two):
+def go_on(w: ti.template(), p, i, j, before, time, one, two):
     """Moves two grains that have met along their new path, to where that comes nearest to where they were: answered ahead of time, they
     then do not stand in the way of others. `before` is how the second moved as seen from the first.
     """
-    motion = velocity(w, j) - velocity(w, i)
+    motion = motion_of(w, p, i, j, 0.0, before, False)
     way = at_least(0.0, -time * before.dot(motion) / (motion.dot(motion) + 1e-30)) * motion
     add(w.grains.shift, i, -one * way)
     add(w.grains.shift, j, two * way)

@@ -24,6 +24,7 @@ from taichi_sand.world.blocks import nothing
 from taichi_sand.world.extras.energy_ledger import drive, settle_work
 from taichi_sand.world.extras.materials import bounce_of
 from taichi_sand.world.geometry import add, at_least, at_most, movable, perp, within, wrench
+from taichi_sand.world.search.images import column_below
 from taichi_sand.world.search.large_grains import is_boulder
 from taichi_sand.world.sweep import sweep
 from taichi_sand.world.walls.servo import along_course, apart, driver, drives, each_driven, hit_by
@@ -161,7 +162,7 @@ def answer(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.tem
                 impulse = bounce(w, s, c, p, i, j, normal, gap, motion, lever, speed, pull, mass, wall)
                 if ti.static(not wall):
                     if one * two > 0.0:
-                        go_on(w, i, j, before, time, one, two)
+                        go_on(w, p, i, j, before, time, one, two)
             elif hard(w, c, p, gap, speed) and w.pace[None].round <= ti.static(rounds(w)) + 1:
                 time = time_to_touch(w, c, p, i, j, normal, gap, motion, speed, pull, wall)
                 if time < c.step:
@@ -213,11 +214,14 @@ def mark(w: ti.template(), s: ti.template(), i, moved):
         s.struck[i] = now + (s.struck[i] & 1 | ti.cast(moved, ti.i32))
         grid = ti.static(w.grid)
         columns, rows = grid.columns[None], grid.rows[None]
-        for k in range(5):
+        for k in range(ti.static(9 if w.sheared else 5)):
             x, y = grid.cell[i] // rows - ti.cast(k > 1, ti.i32), grid.cell[i] % rows + ti.select(k > 1, k - 3, -k)
+            if ti.static(w.sheared):
+                if k > 4:  # the pairs with images below
+                    x, y = column_below(w, grid.cell[i] // rows, k - 5), ti.select(grid.cell[i] % rows == 0, rows - 1, -1)
             if ti.static(w.periodic[0]):
                 x = (x + columns) % columns
-            if ti.static(w.periodic[1]):
+            if ti.static(w.periodic[1] and not w.sheared):
                 y = (y + rows) % rows
             if x >= 0 and x < columns and y >= 0 and y < rows:  # a boulder's pairs are its own
                 for n in range(grid.start[x * rows + y], grid.start[x * rows + y + 1]):

@@ -17,6 +17,7 @@ from taichi_sand.world.extras.energy_ledger import settle_work
 from taichi_sand.world.extras.links import pull_links, settle_links
 from taichi_sand.world.geometry import add, movable, wrench
 from taichi_sand.world.motion import check_speed, drift, fastest_spin, with_body
+from taichi_sand.world.search.images import slide
 from taichi_sand.world.sweep import each_grain, sweep
 from taichi_sand.world.walls.motion import place_walls
 
@@ -124,6 +125,7 @@ def velocity_verlet(w: ti.template(), s: ti.template(), c: ti.template(), pair: 
     sweep(w, pair, gather, s, c, starting)
     c.step = h
     each_grain(w, half_kick_and_drift, s, c)
+    slide(w, 1.0)
     if ti.static(w.moves):
         place_walls(w, 1.0, 1.0)
     s.run(w, s, c, 1.0, going)
@@ -174,6 +176,7 @@ def rk4(w: ti.template(), s: ti.template(), c: ti.template(), pair: ti.template(
         for stage in range(4):
             s.stages.stage[None] = stage
             c.step = 0.5 * h * (stage % 2)
+            slide(w, 0.5 * ((stage + 1) // 2))
             if ti.static(w.moves):
                 place_walls(w, 0.5 * ((stage + 1) // 2), 0.5 * ((stage + 1) // 2))
             s.run(w, s, c, 0.5 * ((stage + 1) // 2), going)

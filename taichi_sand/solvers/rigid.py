@@ -31,6 +31,7 @@ from taichi_sand.world.extras.hooks import offers
 from taichi_sand.world.extras.links import pull_links, settle_links
 from taichi_sand.world.geometry import add, at_least, movable, wrench
 from taichi_sand.world.motion import drift, with_body
+from taichi_sand.world.search.images import slide
 from taichi_sand.world.sweep import each_grain, each_pair, sweep, sweep_twice, sweeps_join
 from taichi_sand.world.tables import World, fill_struct
 from taichi_sand.world.walls.motion import place_walls
@@ -227,6 +228,7 @@ def step(w: ti.template(), s: ti.template(), impacts: ti.template()):
             each_grain(w, move, s, c)
         else:
             sweep(w, first, move, s, c, going)
+        slide(w, 1.0)
         if ti.static(w.moves):
             place_walls(w, 1.0, 0.5)
         if ti.static(w.layout == "cells"):

@@ -11,6 +11,7 @@ from taichi_sand.view.shapes import disc, lighter, line, mix, sleepy
 from taichi_sand.world.blocks import block_count
 from taichi_sand.world.clumps import disc_around, discs_around, turned
 from taichi_sand.world.geometry import mobility, movable, position
+from taichi_sand.world.search.images import fold
 from taichi_sand.world.tables import CHUNK
 
 CPU_BANDS, GPU_BANDS = 16, 512
@@ -160,6 +161,8 @@ def place_grain(
 ):
     """Lists the discs of grain i that can be seen. Returns the next row."""
     place, size = position(w, i), w.box[None].size
+    if ti.static(w.sheared):
+        place = fold(w, place, size)
     next_row = row
     angle = NO_SPOKE
     if ti.static(w.turns):
@@ -170,7 +173,11 @@ def place_grain(
             for k in range(discs_around(w, i)):
                 one = disc_around(w, i, k)
                 r = ti.cast(one.z, ti.f32) * scale * SHOWN_RADIUS
-                x = ti.cast(place.x + one.x + across * size.x, ti.f32) * scale
+                ahead = ti.cast(0.0, w.real)
+                if ti.static(w.sheared):
+                    ahead = up * (w.shear[None].offset + w.shear[None].slid)
+                    ahead -= ti.floor((place.x + ahead) / size.x) * size.x
+                x = ti.cast(place.x + one.x + ahead + across * size.x, ti.f32) * scale
                 y = ti.cast(height, ti.f32) - ti.cast(place.y + one.y + up * size.y, ti.f32) * scale
                 next_row = list_disc(next_row, i, k, x, y, r, angle, width, height, discs, owner, bands, parts)
     return next_row

@@ -20,6 +20,7 @@ from taichi_sand.world.extras.materials import lay_materials
 from taichi_sand.world.extras.sinks import build_flow
 from taichi_sand.world.search.cell_list import allocate_grid
 from taichi_sand.world.search.growth import KINDS, NO_ROOMS, Rooms, Sizes, foreseen, sizes_of
+from taichi_sand.world.search.images import lay_images
 from taichi_sand.world.search.large_grains import part_boulders
 from taichi_sand.world.search.neighbour_list import LEAST_SKIN, LEAST_SLACK, MOST_REACH, MOST_SKIN, MOST_SLACK
 from taichi_sand.world.sleep.state import allocate_sleep_state, start_awake
@@ -59,12 +60,24 @@ def check_periodic(scene: Any, pack: Pack, reach: float, gpu: bool) -> None:
     """
     if not len(pack):
         return
+    if scene.edges.shear_rate:
+        check_sheared(scene, pack, gpu)
     widest = 2 * float(pack.radius.max()) + (MOST_SKIN + MOST_SLACK + reach) * 2 * float(pack.size.mean())
     for axis, side, length in (("x", "left", scene.size[0]), ("y", "bottom", scene.size[1])):
-        least = (4.001 if axis == "x" and layout_of(gpu, len(pack)) == "cells" else 3.001) * widest
+        fours = layout_of(gpu, len(pack)) == "cells" or scene.edges.shear_rate
+        least = (4.001 if axis == "x" and fours else 3.001) * widest
         if getattr(scene.edges, side) == "periodic" and length < least:
             text = f"{length:g} m is too short for a box periodic along {axis}; these grains need at least {least:.3g} m"
             raise scene.error("size", text)
+
+
+def check_sheared(scene: Any, pack: Pack, gpu: bool) -> None:
+    """SandError if the images of these grains cannot slide: that is made for one block of cells, all of whose grains are alike."""
+    if layout_of(gpu, len(pack)) != "one":
+        where = "on a GPU" if gpu else f"of {STRIPS_FROM} grains or more"
+        raise scene.error("edges.shear_rate", f" = {scene.edges.shear_rate:g} cannot be had {where}")
+    if part_boulders(pack.radius, most_discs(pack))[1]:
+        raise scene.error("edges.shear_rate", f"= {scene.edges.shear_rate:g} cannot be had with grains that much larger than the others")
 
 
 def plan_cells(size: tuple[float, float], largest: float, capacity: int) -> tuple[float, int]:
@@ -119,10 +132,15 @@ def most_discs(pack: Pack) -> int:
     return max((len(form.discs) for form in pack.forms), default=1)
 
 
-def edges_of(scene: Any) -> dict[str, Any]:
-    """Which axes of the box are periodic (x, y), and which edges are open (left, right, bottom, top)."""
+def edges_of(scene: Any, real: Any) -> dict[str, Any]:
+    """Which axes of the box are periodic (x, y), which edges are open (left, right, bottom, top), and how images slide."""
     edges = [getattr(scene.edges, side) for side in SIDES]
-    return {"periodic": scene.periodic, "open_edges": tuple(edge == "open" for edge in edges)}
+    return {"periodic": scene.periodic, "open_edges": tuple(edge == "open" for edge in edges), **lay_images(scene, real)}
+
+
+def kinds_of(scene: Any) -> tuple[bool, bool, bool]:
+    """Whether walls move, whether some are driven, and whether images slide."""
+    return bool(moving.moving_walls(scene)), any(moving.drive(wall) for wall in scene.walls), bool(scene.edges.shear_rate)
 
 
 def rows_of(sizes: Sizes, rooms: Rooms) -> dict[str, Any]:
@@ -162,7 +180,7 @@ def make_world(
     `extra` columns of the neighbour list follow a pair; `carried` names the columns that follow a grain, and what a grain starts with;
     effects act on grains up to `reach` [d] apart, and tie the grains `links` (n, 2) together. Tables are no smaller than `rooms`.
     """
-    layout, moves, driven = layout_of(gpu, len(pack)), bool(moving.moving_walls(scene)), any(moving.drive(wall) for wall in scene.walls)
+    layout, kinds = layout_of(gpu, len(pack)), kinds_of(scene)
     real, first = ti.f64 if scene.solver.precision == 64 else ti.f32, round_up(len(pack) + room + 1)
     (lengths, boulders), capacity = lengths_of(scene, pack, reach, sleeps), max(first, rooms.grains)  # sites and cells do not grow
     diameter, sight = lengths["diameter"], lengths["largest"] / 2 + MOST_REACH * lengths["diameter"] + lengths["bridge"]
@@ -177,7 +195,7 @@ def make_world(
     sizes, still = sizes_of(rooms, capacity, blocks), cast_parts(parts, spacing, sites, sight, scene.periodic)
     world = World(
         grains=allocate_grains(real, capacity, pack.clumps),
-        pairs=allocate_pairs(real, capacity, sizes.half, sizes.wall_half, extra, 3 if sleeps else 2, pack.clumps, moves, driven),
+        pairs=allocate_pairs(real, capacity, sizes.half, sizes.wall_half, extra, 3 if sleeps else 2, pack.clumps, *kinds),
         blocks=allocate_blocks(blocks + (sleeps or boulders > 0), lanes),
         grid=allocate_grid(real, capacity, cells, most_summed(layout, sleeps, cells, capacity, sites)),
         **lay_walls(scene, parts, still, sites, wall_room, rooms.entries, gpu, real),
@@ -187,7 +205,7 @@ def make_world(
         flags=flags.allocate(),
         count=field_pool.scalars(ti.i32, ()),
         box=field_pool.record(box_type(real)),
-        **edges_of(scene),
+        **edges_of(scene, real),
         capacity=capacity,
         **rows_of(sizes, rooms),
         sleeps=sleeps,

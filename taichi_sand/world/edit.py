@@ -12,6 +12,7 @@ from taichi_sand.world.blocks import block_count
 from taichi_sand.world.extras.grain_rows import beside, new_rows, put_row
 from taichi_sand.world.geometry import distance_to_second, mobility, motion_of, movable, position, velocity
 from taichi_sand.world.motion import speed_squared
+from taichi_sand.world.search.images import folded
 from taichi_sand.world.sleep.fall_asleep import wake
 from taichi_sand.world.tables import World
 from taichi_sand.world.walls.motion import held_up
@@ -109,9 +110,7 @@ def places(world: World) -> tuple[np.ndarray, np.ndarray]:
     numbers, whole = np.zeros((max(count, 1), 4), real_of(world)), np.zeros((max(count, 1), 3), np.int32)
     read_places(world, numbers, whole)
     numbers = numbers[:count].astype(float)
-    for k, wraps in enumerate(world.periodic):
-        if wraps:
-            numbers[:, k] %= world.box[None].size[k]
+    numbers[:, :2] = folded(numbers[:, :2], world, world.box[None].size)
     return numbers, whole[:count]
 
 

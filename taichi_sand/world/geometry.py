@@ -3,6 +3,7 @@
 import taichi as ti
 
 from taichi_sand.world.clumps import levers, turned
+from taichi_sand.world.search.images import ahead_of
 
 
 @ti.func
@@ -101,6 +102,9 @@ def point_velocity(velocity, spin, arm):
 def motion_of(w: ti.template(), p, i, j, distance, normal, wall: ti.template()):
     """Velocity of the second of pair p as seen from the first [m/s]: of the grains' centres; of a wall at the contact."""
     motion = -velocity(w, i) if ti.static(wall) else velocity(w, j) - velocity(w, i)
+    if ti.static(w.sheared and not wall):
+        _way, speed = ahead_of(w, p)
+        motion.x += speed
     if ti.static(wall and w.moves):
         motion += wall_velocity(w, p, i, distance, normal)
     if ti.static(wall and w.walls.belts):
@@ -238,6 +242,9 @@ def distance_to_second(w: ti.template(), p, i, wall: ti.template()):
                 pairs.side[q] = ti.select(rest.dot(perp(along)) < 0.0, 1.0, -1.0)
     else:
         rest = pairs.reach[p] + (moved(w, p, pairs.second[p], True) - moved(w, p, i, False))
+        if ti.static(w.sheared):
+            way, _speed = ahead_of(w, p)
+            rest.x += way
         square = rest.dot(rest) + 1e-30
         inverse = 1.0 / ti.sqrt(square)
         normal = rest * inverse

@@ -9,6 +9,7 @@ from taichi_sand.world.extras.hooks import offers
 from taichi_sand.world.extras.links import pull_of
 from taichi_sand.world.flags import NOT_FINITE, TOO_FAST, flag
 from taichi_sand.world.geometry import add, at_least, spin, velocity
+from taichi_sand.world.search.images import slide
 from taichi_sand.world.walls.motion import close_walls
 
 LARGEST_SQUARE = 1e36
@@ -136,6 +137,7 @@ def close_step(w: ti.template()):
     if pace[None].spent == 0:
         if ti.static(w.moves):
             close_walls(w)
+        slide(w, 1.0)
         pace[None].since += 1
         pace[None].done += 1
         late = ti.cast(pace[None].since + 1, w.real) * pace[None].step > pace[None].horizon

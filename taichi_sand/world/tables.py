@@ -76,6 +76,7 @@ class Pairs(NamedTuple):
     side: Any  # wall pairs: side of the wall the grain is on, +1 left of `along`, -1 right; 0 = an end of a wall
     hinge: Any  # wall pairs, if walls move: from the grain's centre to the pivot of the wall at the last list build [m]
     driven: Any  # wall pairs, if walls have a force: the next row of such a wall, -1 = this was the last; i32
+    over: Any  # if images slide: how many boxes above itself the second grain is seen, -1, 0 or 1
     discs: Any  # clumps only, as all that follow: number of the first grain's disc times clumps.MOST, plus that of the second's, i32
     arms: Any  # of the two discs, each in the frame of its grain [m], 4-vector
     rims: Any  # their radii [m], 2-vector
@@ -114,6 +115,8 @@ class World:
     box: Any  # 0-D struct of box_type: sizes, gravity
     periodic: tuple[bool, bool]
     open_edges: tuple[bool, bool, bool, bool]  # left, right, bottom, top
+    sheared: bool  # whether images beyond the lower and upper edge slide
+    shear: Any  # 0-D struct of world.search.images.shear_type, or None if they do not
     capacity: int  # grain slots; the last stays empty
     half: int  # rows of one half of the neighbour list
     wall_base: int  # row within a half where wall pairs begin
@@ -225,7 +228,7 @@ def write_rows(field: Any, values: np.ndarray) -> None:
 
 
 def allocate_pairs(
-    real: Any, capacity: int, half: int, wall_half: int, extra: int, parts: int, clumps: bool, moves: bool, driven: bool
+    real: Any, capacity: int, half: int, wall_half: int, extra: int, parts: int, clumps: bool, moves: bool, driven: bool, sheared: bool
 ) -> Pairs:
     """Empty neighbour list of two halves, or with sleepers three parts, for `capacity` grains, with `extra` columns that follow a pair from
     list build to list build, as its force does: what is read between a list build and the next step is then still what the pair carries.
@@ -252,6 +255,7 @@ def allocate_pairs(
         side=field_pool.scalars(real, parts * wall_half),
         hinge=field_pool.vectors(2, real, parts * wall_half) if moves else None,
         driven=field_pool.scalars(ti.i32, parts * wall_half) if driven else None,
+        over=field_pool.scalars(real, rows) if sheared else None,
         discs=field_pool.scalars(ti.i32, rows) if clumps else None,
         arms=field_pool.vectors(4, real, rows) if clumps else None,
         rims=field_pool.vectors(2, real, rows) if clumps else None,

@@ -66,8 +66,7 @@ def test_the_force_follows_the_length(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_cell_holds_its_pressures(kind: str) -> None:
-    """Four walls around loose grains come to rest where each bears its own pressure, within 1 %, and so they do with others later.
-    """
+    """Four walls around loose grains come to rest where each bears its own pressure, within 1 %, and so they do with others later."""
     middle, out, far = 0.15, 0.07, 0.14
     places = {"top": (0.0, 1.0), "base": (0.0, -1.0), "west": (-1.0, 0.0), "east": (1.0, 0.0)}
     walls = []

@@ -5,6 +5,7 @@ import taichi as ti
 from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.clumps import MOST, disc_count, disc_of, turned
 from taichi_sand.world.geometry import mobility, perp, spin, velocity, weigh_clumps
+from taichi_sand.world.search.images import seen
 from taichi_sand.world.search.pair_history import remember
 from taichi_sand.world.tables import ABREAST, FEW_ABREAST
 
@@ -49,6 +50,8 @@ def list_range(w: ti.template(), i: ti.i32, start: ti.i32, end: ti.i32, p: ti.i3
         first = start + group * many
         x, y = abreast(grid.flight, first, 0, many) - flight.x, abreast(grid.flight, first, 1, many) - flight.y
         u, v = abreast(grid.flight, first, 2, many) - flight.z, abreast(grid.flight, first, 3, many) - flight.w
+        if ti.static(w.sheared):
+            x, u = seen(w, x, y, u)
         if ti.static(w.periodic[0]):
             x -= box.size.x * ti.floor(x / box.size.x + 0.5)
         if ti.static(w.periodic[1]):
@@ -69,28 +72,39 @@ def list_pair(w: ti.template(), i: ti.i32, j: ti.i32, row: ti.i32, last: ti.i32,
     g = ti.static(w.grains)
     box = w.box[None]
     hop = g.site[j] - g.site[i]
+    over = ti.cast(0.0, w.real)
+    if ti.static(w.sheared):
+        over = -ti.floor(ti.cast(hop.y, w.real) / box.sites.y + 0.5)
     for k in ti.static(range(2)):
         if ti.static(w.periodic[k]):
             hop[k] -= box.sites[k] * ti.cast(ti.floor(ti.cast(hop[k], w.real) / box.sites[k] + 0.5), ti.i32)
     reach = ti.cast(hop, w.real) * box.spacing + (g.offset[j] - g.offset[i])
+    if ti.static(w.sheared):
+        reach.x += over * w.shear[None].offset
+        if over != 0.0:
+            reach.x -= box.size.x * ti.floor(reach.x / box.size.x + 0.5)
     give = mobility(w, i) + mobility(w, j)
     next_row = row
     if give.x > 0.0:
         if ti.static(w.clumps):
             for a in range(disc_count(w, i)):
                 for b in range(disc_count(w, j)):
-                    next_row = list_discs(w, i, j, a, b, reach, give.x, next_row, last, lanes)
+                    next_row = list_discs(w, i, j, a, b, reach, over, give.x, next_row, last, lanes)
         else:
-            next_row = list_discs(w, i, j, 0, 0, reach, give.x, next_row, last, lanes)
+            next_row = list_discs(w, i, j, 0, 0, reach, over, give.x, next_row, last, lanes)
     return next_row
 
 
 @ti.func
-def list_discs(w: ti.template(), i, j, a, b, reach, weight, row, last, lanes: ti.template()):
-    """Lists disc a of grain i and disc b of grain j, `reach` from grain to grain, if they may meet. Returns the next row."""
+def list_discs(w: ti.template(), i, j, a, b, reach, over, weight, row, last, lanes: ti.template()):
+    """Lists disc a of grain i and disc b of grain j, seen `over` boxes above itself, `reach` from grain to grain, if they may meet.
+    Returns the next row.
+    """
     g = ti.static(w.grains)
     rims = ti.Vector([g.radius[i], g.radius[j]])
     apart, motion = reach, velocity(w, j) - velocity(w, i)
+    if ti.static(w.sheared):
+        motion.x += over * w.shear[None].speed
     if ti.static(w.clumps):
         one, two = disc_of(w, i, a), disc_of(w, j, b)
         arm_i, arm_j = turned(w, i, one.xy), turned(w, j, two.xy)
@@ -103,6 +117,8 @@ def list_discs(w: ti.template(), i, j, a, b, reach, weight, row, last, lanes: ti
         if ti.static(lanes > 0):
             if row < last:  # what finds no room is counted all the same (world.search.growth)
                 write_row(w, row, i, j, a, b, reach, apart, rims, weight)
+                if ti.static(w.sheared):
+                    w.pairs.over[row] = over
     return next_row
 
 

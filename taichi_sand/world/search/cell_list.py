@@ -14,6 +14,7 @@ from taichi_sand.world.extras.grain_rows import CELL, NUMBERS, WHOLE, load_row, 
 from taichi_sand.world.extras.sinks import drain
 from taichi_sand.world.flags import ESCAPED, NOWHERE, flag
 from taichi_sand.world.geometry import position, present, velocity
+from taichi_sand.world.search.images import moved_over
 from taichi_sand.world.search.prefix_sum import prefix_sum, put_in_order, scratch_rows
 from taichi_sand.world.tables import ABREAST, STRIPS
 
@@ -56,6 +57,8 @@ def anchor(w: ti.template(), i):
     box = w.box[None]
     place = g.offset[i] + g.shift[i]
     hop = ti.floor(place / box.spacing + 0.5)
+    if ti.static(w.sheared):
+        place, hop = moved_over(w, i, place, hop)
     site = g.site[i] + ti.cast(hop, ti.i32)
     g.offset[i] = place - hop * box.spacing
     for k in ti.static(range(2)):

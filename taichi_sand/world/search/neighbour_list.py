@@ -12,6 +12,7 @@ from taichi_sand.world.geometry import present, velocity
 from taichi_sand.world.search.candidates import list_range
 from taichi_sand.world.search.cell_list import anchor, cell_count, cell_of, cut_blocks, lay_cells, outside, permute, sort
 from taichi_sand.world.search.growth import PAIRS, WALLS, lack
+from taichi_sand.world.search.images import column_over, start_images
 from taichi_sand.world.search.large_grains import is_boulder, list_boulders
 from taichi_sand.world.search.pair_history import carry
 from taichi_sand.world.search.prefix_sum import prefix_sum
@@ -66,9 +67,12 @@ def anchor_all(w: ti.template()):
 def foresee(w: ti.template()):
     """Chooses skin, horizon and cells from how much the velocities differ."""
     box = w.box[None]
+    start_images(w)
     low, high = anchor_all(w)
     pace = w.pace[None]
     approach = (high - low).norm() * pace.step
+    if ti.static(w.sheared):
+        approach += ti.abs(w.shear[None].speed) * pace.step
     d = box.diameter
     skin = ti.min(ti.max(ti.sqrt(SKIN * approach / d), LEAST_SKIN), MOST_SKIN) * d
     ahead = ti.min(STEPS_AHEAD * approach, ti.max(GOOD_SLACK * d, approach))
@@ -181,6 +185,8 @@ def clear_rows(w: ti.template(), start, end, lanes: ti.template()):
         pairs.contact_distance[row], pairs.gap[row] = 0.0, FAR
         pairs.mass[row], pairs.mass_t[row] = 0.0, 0.0
         pairs.normal[row] = ti.Vector([1.0, 0.0])
+        if ti.static(w.sheared):
+            pairs.over[row] = 0.0
         carry(w, row, -1)
 
 
@@ -201,9 +207,16 @@ def list_neighbours(w: ti.template(), i, p, last, lanes: ti.template()):
                 x = (x + columns) % columns
             if ti.static(w.periodic[1]):
                 y = (y + rows) % rows
+            if ti.static(w.sheared):
+                y = row + ti.static((1, -1, 0, 1)[k])  # what is beyond has slid
             if x < columns and y >= 0 and y < rows:
                 other = x * rows + y
                 row_p = list_range(w, i, grid.start[other], grid.start[other + 1], row_p, last, lanes)
+        if ti.static(w.sheared):
+            if row == rows - 1:
+                for far in range(4):
+                    other = ((column_over(w, column, far) % columns + columns) % columns) * rows
+                    row_p = list_range(w, i, grid.start[other], grid.start[other + 1], row_p, last, lanes)
     else:
         above = ti.min(row + 1, rows - 1)
         row_p = list_range(w, i, i + 1, grid.start[column * rows + above + 1], row_p, last, lanes)
