@@ -48,6 +48,22 @@ def test_what_a_scene_must_show(tmp_path: Path) -> None:
     assert code == 1 and [row["passed"] for row in rows] == [True, False]
 
 
+def test_over_a_time(tmp_path: Path) -> None:
+    """Grains fall: p = - W t. Over the last 0.01 s before 0.02 s its mean is - 0.015 W, its least - 0.02 W, its most - 0.01 W."""
+    for take, share in (("mean", 0.015), ("least", 0.02), ("most", 0.01)):
+        table = f'[solver]\nstep = 2e-4\n[[checks]]\nobservable = "momentum_Ns_y"\nhigh = 0.0\nat = 0.02\nover = 0.01\ntake = "{take}"\n'
+        code, [row] = checked(tmp_path, table)
+        assert code == 0 and row["value"] == pytest.approx(-share * WEIGHT, rel=0.05)
+
+
+def test_walls_are_numbers_too(tmp_path: Path) -> None:
+    """What the floor bears, by its name, and its torque about its middle, which the places of the grains make."""
+    checks = [f'[[checks]]\nobservable = "{name}"\nlow = -1e9\n' for name in ("wall_forces_N.bottom_y", "wall_torques_Nm.bottom")]
+    code, rows = checked(tmp_path, *checks)
+    assert code == 0 and rows[0]["value"] == pytest.approx(-WEIGHT, rel=0.01)
+    assert abs(rows[1]["value"]) < 0.1 * WEIGHT
+
+
 def test_a_number_that_is_not_there_is_no_number() -> None:
     """A heap that is none has no angle: that fails, whatever the range."""
     scene = sand.Scene(size=[0.2, 0.2], duration=0.0, checks=[{"observable": "repose_angle", "low": -1e9, "high": 1e9}])
@@ -64,6 +80,7 @@ def test_a_number_that_is_not_there_is_no_number() -> None:
         ('observable = "grains"\nlow = 2\nat = "soon"', 'checks[0].at = "soon" must be a time in seconds, or "end"'),
         ('observable = "grains"\nlow = 2\nat = -1.0', 'must be a time in seconds, or "end"'),
         ("low = 2", "checks[0].observable"),
+        ('observable = "grains"\nlow = 2\ntake = "most"', 'checks[0].take = "most" needs a time `over`'),
     ],
 )
 def test_wrong_checks(table: str, said: str, tmp_path: Path) -> None:

@@ -76,7 +76,7 @@ class Followed:
     """The values of the number of a check over the last while of a simulation, at LOOKS moments of it."""
 
     def __init__(self, sim: Simulation, check: Check) -> None:
-        self.check, self.found = check, deque[tuple[float, float]](maxlen=LOOKS)
+        self.check, self.found = check, deque[tuple[float, float]](maxlen=LOOKS + 1)
         self.call = sim.every(check.over / LOOKS, self.look)
 
     def look(self, sim: Simulation) -> None:
@@ -87,6 +87,7 @@ class Followed:
     def value(self, sim: Simulation) -> float:
         """What is asked for of those values; NaN without any, or where there was nothing to measure."""
         self.call.stop()
+        self.look(sim)
         values = [value for time, value in self.found if time > sim.time - 1.01 * self.check.over]
         return float({"mean": np.mean, "least": np.min, "most": np.max}[self.check.take](values or [math.nan]))
 
