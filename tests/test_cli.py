@@ -14,6 +14,7 @@ from PIL import Image
 from typer.testing import CliRunner, Result
 
 import taichi_sand as sand
+from taichi_sand.cli import options
 from taichi_sand.cli.main import app
 from taichi_sand.cli.printing import GROUPS
 
@@ -159,6 +160,18 @@ def test_an_interrupted_run_leaves_quietly(folder: Path, monkeypatch: pytest.Mon
     for arguments in (("run", "drop.toml", "--save", "a.npz"), ("render", "drop.toml", "-o", "drop.png")):
         assert command(*arguments, status=130).stderr == "taichi-sand: interrupted\n"
     assert [path.name for path in folder.iterdir()] == ["drop.toml"]
+
+
+def test_without_a_terminal_progress_is_a_line_now_and_then(capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One line within 30 s, the next in the next 30 s, with the time left at the pace so far; none of short work, none of the end."""
+    now = 1000.0
+    monkeypatch.setattr(options.time, "monotonic", lambda: now)
+    with options.progress_bar("render", lambda: " · fill") as tell:
+        for second in range(0, 81, 10):
+            now = 1000.0 + second
+            tell(second / 80)
+    lines = ["render · fill: 38%, some 50 s to go", "render · fill: 75%, some 20 s to go"]
+    assert capsys.readouterr().err.splitlines() == lines
 
 
 def test_scenes_lists_a_line_each() -> None:

@@ -2,6 +2,7 @@
 
 import math
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -26,11 +27,17 @@ Threads = Annotated[int | None, typer.Option("--threads", min=1, help="CPU threa
 Precision = Annotated[int | None, typer.Option("--precision", metavar="32|64", help="Bits of a number in the solver.")]
 
 
+TOLD_EVERY = 30.0
+"""Seconds between two lines of progress where there is no terminal: a log of a night says how far it came, in a thousand lines."""
+
+
 @contextmanager
-def progress_bar(label: str, more: Callable[[], str] = str) -> Iterator[Callable[[float], None] | None]:
-    """A bar on stderr while it is a terminal, else None; it takes the share done. What `more` gives meanwhile stands behind the label."""
+def progress_bar(label: str, more: Callable[[], str] = str) -> Iterator[Callable[[float], None]]:
+    """What is to be told the share done: a bar on stderr while that is a terminal, else a line there now and then, for logs. What `more`
+    gives meanwhile stands behind the label.
+    """
     if not sys.stderr.isatty():
-        yield None
+        yield lines(label, more)
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -39,6 +46,22 @@ def progress_bar(label: str, more: Callable[[], str] = str) -> Iterator[Callable
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(label, total=1.0)
         yield lambda share: bar.update(task, completed=share, description=label + more())
+
+
+def lines(label: str, more: Callable[[], str]) -> Callable[[float], None]:
+    """Prints how far it is, and how long the rest will take at the pace so far, every `TOLD_EVERY` seconds."""
+    began = told = time.monotonic()
+
+    def tell(share: float) -> None:
+        nonlocal told
+        now = time.monotonic()
+        if now < told + TOLD_EVERY or share >= 1:
+            return
+        told = now
+        left = f", some {(now - began) * (1 / share - 1):.0f} s to go" if share > 0 else ""
+        print(f"{label}{more()}: {share:.0%}{left}", file=sys.stderr, flush=True)
+
+    return tell
 
 
 def settings(overrides: list[str] | None, precision: int | None, **flags: Any) -> list[str]:

@@ -29,8 +29,7 @@ def warm(
         with progress_bar("warm") as progress:
             for number, scene in enumerate(loaded):
                 touch(scene, window, arch, threads)
-                if progress:
-                    progress((number + 1) / len(loaded))
+                progress((number + 1) / len(loaded))
         many = "s" * (len(loaded) != 1)
         print(f"{len(loaded)} scene{many}: {time.perf_counter() - start:.0f} s")
 
