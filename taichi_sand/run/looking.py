@@ -18,6 +18,8 @@ from taichi_sand.world.tables import steps_within
 LOOK, GROWTH = 0.25 / math.sqrt(0.01 / EARTH), 1.2
 """Simulated time between two looks at the pile, in sqrt(d / g), 0.25 s for grains of 1 cm; and by how much it must have grown in depth for
 stiffness and step to follow."""
+WORTH = 1.2
+"""What was faster than it is now keeps its stiffness and step unless steps can be so many times longer."""
 
 
 class Looking:
@@ -55,7 +57,8 @@ class Looking:
         share, deep, fastest = edit.strained(self.world, self.scene.solver.tolerance * self.bed.diameter, REST * unit)
         if self.bed.gravity and follows_tolerance(self.scene.solver):
             self.bed = self.bed.seen(share, deep)
-        self.bed = self.bed.moving(fastest, edit.flow(self.world, DENSE) if share > 0.01 else 0.0)
+        calmer = self.bed.moving(fastest, edit.flow(self.world, DENSE) if share > 0.01 else 0.0)
+        self.bed = self._worth(calmer, squeezed=fastest <= REST * unit and deep[0] > 0.01)
         self._keep_up()
 
     def _hasten(self) -> None:
@@ -69,6 +72,14 @@ class Looking:
         self.world.pace[None].hasty = 0
         if choose(self.scene.solver.kind).numbers(self.scene, self.bed) != self.numbers:
             self._adopt(self.scene, self.bed, self.over)
+
+    def _worth(self, calmer: Bed, squeezed: bool) -> Bed:
+        """`calmer`, but made for speeds as before where steps would hardly be longer, as contacts of another stiffness stir who has come to
+        rest; and where who is at rest is `squeezed` deeper than the tolerance as it is.
+        """
+        longer = choose(self.scene.solver.kind).numbers(self.scene, calmer)["step"] / self.step
+        keeps = longer > 1.0 and (squeezed or longer < WORTH)
+        return replace(calmer, fast=self.bed.fast, flow=self.bed.flow) if keeps else calmer
 
     def _deeper(self, bed: Bed) -> Bed:
         """The bed as deep as it is now, if it has grown."""

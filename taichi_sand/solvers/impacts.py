@@ -34,6 +34,9 @@ ROUNDS, LAUNCHED_ROUNDS = 32, 2
 AFAR, AFAR_FROM_WALL = 0.02, 0.001
 """Grains that are to meet across a gap wider than this, over the distance of their centres when they touch, are first moved to where they
 do; below it the levers reach to the middle between them, or to the wall, and are as much longer than the radii at most."""
+MOST_APPROACH = 4.0
+"""Two grains approach by twice the speed cap at most as a step begins. Impacts that give energy, round after round, would else make speeds
+that are no numbers before the step is over; an impact answers so many caps of it."""
 LOADS = 4.0
 """A contact that bears a load is hit by what approaches LOADS times as fast as that load would make it approach in a step, as the slowest
 impact of a disc that lies on the ground. Slower ones are borne: the impulses that a pile closes under have to be remembered, not answered
@@ -190,7 +193,8 @@ def bounce(
 ):
     """Gives pair p the impulse of its impact, and returns it."""
     arm_i, arm_j = arms(w, i, j, gap, lever, wall)
-    impulse = ti.Vector([(1.0 + bounce_of(w, p, c.restitution, wall)) * mass * at_least(0.0, 0.5 * pull.dot(normal) * c.step - speed), 0.0])
+    approach = within(MOST_APPROACH * w.pace[None].speed_cap, at_least(0.0, 0.5 * pull.dot(normal) * c.step - speed))
+    impulse = ti.Vector([(1.0 + bounce_of(w, p, c.restitution, wall)) * mass * approach, 0.0])
     if ti.static(w.turns):
         slip = slip_of(w, i, j, motion, normal, arm_i, arm_j, wall) + slip_by(w, i, j, impulse.x, arm_i, arm_j, lever, wall)
         bound = friction_bound(w, s, c, p, wall, impulse.x)

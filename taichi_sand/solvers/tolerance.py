@@ -33,6 +33,9 @@ DEEP_DAMPING, MOST_DAMPED = 0.25, 60.0
 60. Shallow ones rest later with 30 than with 20.)"""
 LONGEST_STEP = 1 / 240 / math.sqrt(0.01 / EARTH)
 """Rigid: no step is longer than this, in sqrt(d / g); 1/240 s for grains of 1 cm."""
+CLUMPS_SHORTER = 0.65
+"""Clumps: nor than this share of it, as they are larger than the discs by which they touch (squares 2.1 times; an arch of 17 wedges at
+tolerance 0.05 stands with a step of 0.095 sqrt(d / g), and falls in with one of 0.1)."""
 SHAKE_STEPS = 16
 """Rigid: nor has a wall that is shaken fewer steps in a period."""
 REFERENCE_STEPS, LEAST_REFERENCE_STEPS = 0.03, 40.0
@@ -80,6 +83,7 @@ SETTLE = 0.03
 """Md: contacts of a new stiffness go back to where the surfaces are so slowly that the top of a bed moves with SETTLE sqrt(g d)."""
 MEANT = 0.25
 """Md: who gives the stiffness of contacts means what is pressed together at the start by less than this, in d (physics.md A12)."""
+MOST_SPARE = 1e9  # where next to nothing presses; more is no number of 32 bits
 SOFTEST = 1.0  # md: least stiffness over the mass of a mean grain [1/s2]
 
 
@@ -153,6 +157,7 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     unit = math.sqrt((bed.gravity or EARTH) * bed.diameter)
     meant = MEANT * bed.diameter if solver.stiffness or solver.k_r is not None else 0.0
     borne = (pressed / k_r) ** (1 / beta)
+    spare = min(max(1.0, stiffness * overlap / pressed) ** (1 / beta) - 1, MOST_SPARE) if pressed else 0.0
     return {
         "step": step,
         "stiffness": k_r,
@@ -166,7 +171,7 @@ def md_numbers(scene: Any, bed: Bed) -> dict[str, float]:
         "deep": max(YIELD * unit * math.sqrt(beta) * contact_time / math.pi, borne, meant),
         "growth": GROW * unit,
         "settling": SETTLE * unit / bed.depth,
-        "spare": max(1.0, stiffness * overlap / pressed) ** (1 / beta) - 1 if pressed and not solver.stiffness else 0.0,
+        "spare": 0.0 if solver.stiffness else spare,
     }
 
 
@@ -196,7 +201,7 @@ def rigid_numbers(scene: Any, bed: Bed) -> dict[str, float]:
     flight = math.sqrt(solver.tolerance) * bed.diameter / max(bed.speed, 1e-12)
     falling = math.sqrt(bed.speed**2 + 2 * bed.gravity * bed.drop)
     followed = FALL * FASTEST * bed.diameter / max(falling, bed.fast, 1e-12)
-    longest = min(LONGEST_STEP * bed.moment, bed.shaking / SHAKE_STEPS, bed.longest_step)
+    longest = min(LONGEST_STEP * bed.moment * (CLUMPS_SHORTER if bed.clumps else 1.0), bed.shaking / SHAKE_STEPS, bed.longest_step)
     step = min(SAG * math.sqrt(solver.tolerance * bed.diameter / weight), flight, followed, longest)
     if solver.substeps:
         step = 1 / (60 * solver.substeps)
