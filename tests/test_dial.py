@@ -1,14 +1,16 @@
 """The dial: what is asked as `tolerance` is kept, also by a pile that grows deeper than it was at the start."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from helpers import digest, simulate
 
 import taichi_sand as sand
-from taichi_sand.solvers.tolerance import RIGID_LOAD, SAG
+from taichi_sand.solvers.tolerance import FLOW_SOFTNESS, RIGID_LOAD, SAG
 
 FUNNEL = [{"points": [[0.0, 0.5], [0.26, 0.25], [0.26, 0.0]]}, {"points": [[0.6, 0.5], [0.34, 0.25], [0.34, 0.0]]}]
 
@@ -54,3 +56,21 @@ def test_what_presses_on_a_pile_is_seen_by_its_overlaps(kind: str) -> None:
     report = sim.report()
     assert worst > 1.3 * report["tolerance"] and 0.2 < report["overlap_p99"] / report["tolerance"] <= 1, (worst, report["overlap_p99"])
     assert sim.bed.strain < 16 and sim.flags() == []
+
+
+def test_who_is_at_rest_is_not_stirred_for_little() -> None:
+    """Contacts of a flow that is over stay as stiff as they are where steps would be a tenth longer, and soften where they would be by half."""
+    grains = [{"radius": 0.005, "count": 24, "fill": "hexagonal", "region": [0.0, 0.0, 0.06, 0.1]}]
+    sim = simulate(grains, (0.06, 0.1), {"kind": "md", "precision": 32, "tolerance": 0.02}, gravity=(0, -9.81), mu=0.5)
+    sim.advance(1.0)
+    rest, overlap = sim.numbers["stiffness"], 0.02 * sim.bed.diameter
+    for longer, stays in ((1.1, True), (1.5, False)):
+        flow = FLOW_SOFTNESS * overlap / math.pi * math.sqrt(2 * rest / sim.bed.mass) * longer
+        sim._adopt(sim.scene, replace(sim.bed, flow=flow), sim.over)
+        step = sim.step
+        sim.advance(1.0)
+        before = sim.positions
+        sim.advance(4.0)
+        assert sim.step == (step if stays else pytest.approx(longer * step, rel=1e-3))
+        if stays:
+            assert np.abs(sim.positions - before).max() < 1e-6 * sim.bed.diameter

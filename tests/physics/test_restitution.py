@@ -113,3 +113,16 @@ def test_spin_of_fast_impacts_on_a_floor() -> None:
         spins = np.where(spins == 0.0, sim.spins, spins)
     assert sim.flags() == []
     assert abs(spins) == pytest.approx(R * mu * (1 + e) * M * np.sqrt(2 * G * heights) / INERTIA, rel=0.01)
+
+
+def test_impacts_that_give_energy_stay_bounded() -> None:
+    """With a restitution of 1.5 and a friction that drives, round after round in a step: speeds stay numbers, and all grains in the box."""
+    grains = [{"radius": [0.8 * R, 1.2 * R], "count": 300, "fill": "lattice", "pitch": 1.2, "region": [0.0, 0.0, 30 * D, 20 * D]}]
+    sim = simulate(grains, (30 * D, 40 * D), {"kind": "rigid", "tolerance": 0.01, "precision": 32}, gravity=(0, -G), mu=0.5)
+    sim.advance(0.5)
+    for key, value in (("solver.restitution", 1.5), ("effects.friction.mu", -0.5)):
+        sim.set(key, value, unphysical=True)
+    for _ in range(20):
+        sim.advance(0.05)
+        assert np.hypot(*sim.velocities.T).max() < 1000 * sim.numbers["speed_cap"]  # of the step at hand; the next one slows them down
+    assert sim.count == 300 and not any("number" in flag for flag in sim.flags())
