@@ -59,7 +59,7 @@ def test_what_presses_on_a_pile_is_seen_by_its_overlaps(kind: str) -> None:
 
 
 def test_who_is_at_rest_is_not_stirred_for_little() -> None:
-    """Contacts of a flow that is over stay as stiff as they are where steps would be a tenth longer, and soften where they would be by half."""
+    """Contacts of a flow that is over stay as stiff where steps would be a tenth longer, and soften where it is half."""
     grains = [{"radius": 0.005, "count": 24, "fill": "hexagonal", "region": [0.0, 0.0, 0.06, 0.1]}]
     sim = simulate(grains, (0.06, 0.1), {"kind": "md", "precision": 32, "tolerance": 0.02}, gravity=(0, -9.81), mu=0.5)
     sim.advance(1.0)
