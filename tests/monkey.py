@@ -15,9 +15,10 @@ from typing import Any
 from playing import Playing
 
 PER_SECOND = 10.0
-RARE = {"m": 0.01, "[": 0.0, "]": 0.0, "Escape": 0.0, "f": 0.1, "p": 0.1}
-"""How often a key is pressed, against the others: another solver is compiled, films and pictures fill the disk."""
-NAMES = {" ": "space", ".": "period", ",": "comma", "-": "minus", "=": "equal", "[": "bracketleft", "]": "bracketright"}
+RARE = {"m": 0.01, "[": 0.01, "]": 0.01, "Escape": 0.1, "f": 0.1, "p": 0.1}
+"""How often a key is pressed, against the others: other solvers and scenes are compiled, films and pictures fill the disk, and two esc in
+turn would close the window."""
+NAMES = {" ": "space", ".": "period", ",": "comma", "-": "minus", "=": "equal", "[": "bracketleft", "]": "bracketright", "Home": "Home"}
 PAGE = 2**20
 LONGEST = 180.0
 """Time in which the window must have done all that it was told [s]: other effects and solvers are compiled."""
@@ -34,38 +35,58 @@ def memory(window: Playing) -> float:
 
 def act(window: Playing, chance: random.Random, keys: list[str], weights: list[float]) -> None:
     """One thing that a monkey might do."""
-    window.read()
+    scene = window.now["scene"]
+    if window.read()["scene"] != scene:
+        window.find()
     what = chance.random()
     left, top, width, height = window.now["picture"]
     if what < 0.35:
         key = chance.choices(keys, weights)[0]
-        window.tool("key", NAMES.get(key, key))
+        if key == "Escape":  # another key answers to the question whether to quit
+            window.tool("key", "Escape", "key", "h", "key", "h")
+        else:
+            window.tool("key", NAMES.get(key, key))
     elif what < 0.7:
         words: list[Any] = []
         for _ in range(3):
             x, y = left + chance.random() * width, top + chance.random() * height
             words += ["mousemove", "--window", window.window, round(x), round(y)]
-            words += ["mousedown", chance.choice((1, 1, 3))] if len(words) == 5 else []
-        window.tool(*words, "mouseup", 1, "mouseup", 3)
+            words += ["mousedown", chance.choice((1, 1, 2, 3))] if len(words) == 5 else []
+        window.tool(*words, "mouseup", 1, "mouseup", 2, "mouseup", 3)
     elif what < 0.8:
-        window.tool("click", chance.choice((4, 5)))
+        wheel = ("click", chance.choice((4, 5)))
+        window.tool(*chance.choice((wheel, ("keydown", "shift", *wheel, "keyup", "shift"))))
     else:
         name, (x, y, wide, high) = chance.choice(list(window.now["controls"].items()))
-        if name in ("md", "rigid") or (wide < 100 and chance.random() > 0.02):  # switches compile at times
+        hidden = not 0 <= y < window.now["window"][1] - high
+        if hidden or name in ("md", "rigid") or (wide < 100 and chance.random() > 0.02):  # switches compile at times
             return
         place = ["mousemove", "--window", window.window, round(x + chance.random() * wide), round(y + high / 2)]
         window.tool(*place, "mousedown", 1, *place[:3], round(x + chance.random() * wide), round(y + high / 2), "mouseup", 1)
 
 
-def play(window: Playing, seconds: float, keys: list[str], seed: int = 1) -> dict[str, Any]:
-    """Plays for so long; what the window said at the end, and by how much more memory it held at most in the last third of the time than
-    in the first [MB]: it rises and falls with the structures that are kept ready, and with what can be undone.
+def another(window: Playing, key: str) -> None:
+    """Another scene, which opens a window of its own."""
+    window.fresh(LONGEST)
+    before = window.now["scene"]
+    window.tool("key", key)
+    window.until(lambda now: now["scene"] != before, LONGEST)
+    window.find()
+
+
+def play(window: Playing, seconds: float, keys: list[str], seed: int = 1, scenes: int = 0) -> dict[str, Any]:
+    """Plays for so long, and has the scene changed so many times meanwhile; what the window said at the end, and by how much more memory it
+    held at most in the last third of the time than in the first [MB]: it rises and falls with the structures that are kept ready, and with
+    what can be undone.
     """
     chance = random.Random(seed)
     weights = [RARE.get(key, 1.0) for key in keys]
-    start, events, peaks = time.monotonic(), 0, [0.0, 0.0, 0.0]
+    start, events, changed, peaks = time.monotonic(), 0, 0, [0.0, 0.0, 0.0]
     while (passed := time.monotonic() - start) < seconds:
         with contextlib.suppress(subprocess.CalledProcessError):  # the window is gone: why is told below
+            if passed > (changed + 1) / (scenes + 1) * seconds:
+                changed += 1
+                another(window, chance.choice(("bracketleft", "bracketright")))
             act(window, chance, keys, weights)
         events += 1
         if time.time() - window.file.stat().st_mtime > BEHIND:
@@ -84,7 +105,8 @@ if __name__ == "__main__":
     from taichi_sand.play.keys import KEYS
 
     with tempfile.TemporaryDirectory() as folder, Playing(Path(folder), *(sys.argv[2:] or ["pile"])) as monkeys_window:
-        told = play(monkeys_window, 60 * float(sys.argv[1]), [key.key for key in KEYS])
+        minutes = float(sys.argv[1])
+        told = play(monkeys_window, 60 * minutes, [key.key for key in KEYS], scenes=round(minutes))
         shown = ("events", "time", "grains", "kinetic_energy_J", "speed_max_m_s", "solver", "flags", "unphysical", "undo", "peaks", "grown")
         print({name: told[name] for name in shown}, flush=True)
         print("exit", monkeys_window.close(LONGEST), monkeys_window.process.stderr.read())

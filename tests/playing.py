@@ -159,7 +159,7 @@ class Playing:
 
     def click(self, control: str, share: float = 0.5, drag_to: float | None = None) -> None:
         """Clicks on a control of the panel, at this part of its width; or drags from there."""
-        left, top, width, height = self.fresh()["controls"][control]  # they move when others come and go
+        left, top, width, height = self.seen(control)
         self.tool("mousemove", "--window", self.window, round(left + share * width), round(top + 0.5 * height))
         time.sleep(0.06)
         self.press()
@@ -169,6 +169,18 @@ class Playing:
                 self.tool("mousemove", "--window", self.window, round(left + x * width), round(top + 0.5 * height))
                 time.sleep(0.06)
         self.release()
+
+    def seen(self, control: str) -> list[int]:
+        """Where a control is: they move when others come and go. Scrolled out of the window, it is scrolled into it."""
+        for _ in range(40):
+            left, top, width, height = self.fresh()["controls"][control]
+            high, (wide, scrolled, _) = self.now["window"][1], self.now["panel"]
+            if (0 <= top and top + height <= high) or left < wide:
+                break
+            self.tool("mousemove", "--window", self.window, wide + 4, 300)
+            self.tool("click", 5 if top > 0 else 4)
+            self.until(lambda now, before=scrolled: now["panel"][1] != before)
+        return [left, top, width, height]
 
     def switched(self, key: str) -> dict[str, Any]:
         """Presses a key that changes how it looks; what the window says when it shows that."""

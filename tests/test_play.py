@@ -291,7 +291,7 @@ def test_the_right_button_does_the_opposite_and_the_wheel_sizes_the_brush(box: P
     before = box.fresh()
     box.to(0.5, 0.1)
     for _ in range(3):
-        box.tool("click", 4)
+        box.tool("keydown", "shift", "click", 4, "keyup", "shift")
     grown = box.until(lambda now: now["values"]["tool.size"] > before["values"]["tool.size"])
     assert grown["values"]["tool.size"] > before["values"]["tool.size"]
     box.stroke((0.5, 0.1), button=3)
@@ -299,7 +299,63 @@ def test_the_right_button_does_the_opposite_and_the_wheel_sizes_the_brush(box: P
     box.key("z")
     box.until(lambda now: now["grains"] == before["grains"])
     for _ in range(3):
-        box.tool("click", 5)
+        box.tool("keydown", "shift", "click", 5, "keyup", "shift")
+
+
+def test_the_camera(box: Playing) -> None:
+    """The wheel zooms at the cursor, which stays over the same point; the middle button moves the picture; `home` shows all of it."""
+    paused(box)
+    before = box.fresh()["camera"]
+    _, _, width, height = box.now["picture"]
+    box.to(0.75, 0.25)
+    box.tool("click", 4, "click", 4)
+    near = box.until(lambda now: now["camera"][2] > 1.5 * before[2])["camera"]
+    for k, (at, side) in enumerate(((0.75, width), (0.25, height))):
+        assert near[k] + at * side / near[2] == pytest.approx(before[k] + at * side / before[2], abs=1.5 / before[2])
+    shot = box.settled()
+    box.press(2)
+    box.to(0.65, 0.35)
+    box.release(2)
+    moved = box.until(lambda now: now["camera"][0] > near[0])["camera"]
+    assert (np.array(moved[:2]) - near[:2]) * near[2] == pytest.approx([0.1 * width, -0.1 * height], abs=2)
+    assert (box.settled() != shot).any()
+    box.key("Home")
+    assert box.until(lambda now: now["camera"][2] == before[2])["camera"] == before
+
+
+def test_refusals_are_told_in_the_words_of_the_window_and_end_the_stroke(box: Playing) -> None:
+    """Nothing can be wetted without moisture: it is offered, and one click switches it on. Wet grains are darker."""
+    paused(box)
+    before = box.fresh()
+    box.key("w")
+    box.stroke((0.5, 0.1))
+    now = box.until(lambda now: "switch on moisture to wet grains" in now["said"])
+    assert now["offer"] == "switch on moisture" and now["undo"] == before["undo"]
+    box.click("offer")
+    box.until(lambda now: "moisture" in now["effects"], 90)
+    box.to(0.9, 0.95)
+    dry = box.settled()
+    box.stroke((0.4, 0.1), (0.6, 0.1), (0.4, 0.12))
+    box.until(lambda now: now["undo"] == before["undo"] + 2)
+    box.to(0.9, 0.95)
+    assert box.settled()[-60:].mean() < 0.97 * dry[-60:].mean()
+    box.key("z", "z")
+    assert box.until(lambda now: now["undo"] == before["undo"])["hash"] == before["hash"]
+
+
+def test_a_value_can_be_typed_and_goes_back_by_a_double_click(box: Playing) -> None:
+    paused(box)
+    before = box.fresh()
+    box.click("gravity x value")
+    box.key("3", "5", "Return")
+    box.until(lambda now: now["values"]["gravity.0"] == 35.0)  # beyond the end of the slider
+    box.key("g", "g")  # keys are keys again
+    left, top, width, height = box.seen("gravity x")
+    box.tool("mousemove", "--window", box.window, left + 3 * width // 4, top + height // 2, "click", "--repeat", 2, "--delay", 40, 1)
+    box.until(lambda now: now["values"]["gravity.0"] == 0.0)
+    box.until(lambda now: now["undo"] == before["undo"] + 3)  # what was typed, the first click, the second
+    box.key("z", "z", "z")
+    box.until(lambda now: now["undo"] == before["undo"] and now["values"] == before["values"])
 
 
 def test_a_slider_changes_its_number_without_compiling(box: Playing) -> None:
@@ -398,7 +454,7 @@ def test_a_monkey_breaks_nothing(box: Playing) -> None:
     paused(box)
     (box.folder / "so_far.record").write_text((box.folder / "box.record").read_text())
     paused(box, False)
-    told = monkey.play(box, 60.0, [key.key for key in KEYS])
+    told = monkey.play(box, 60.0, [key.key for key in KEYS], scenes=2)
     assert told["events"] > 300
     assert np.isfinite([told["kinetic_energy_J"], told["speed_max_m_s"], told["overlap_max"]]).all()
     box.key("r")
@@ -466,6 +522,21 @@ def test_the_next_scene_and_the_one_before_and_leaving(table_of_balls: Playing) 
     now = window.until(lambda now: now["scene"] == "billiards", 90)
     assert now["grains"] == 10 and now["speed_max_m_s"] > 1  # as the file has it
     window.find()
+    window.key("z")  # goes back to the scene before
+    now = window.until(lambda now: now["scene"] == names[here + 1], 90)
+    window.find()
+    window.key("y")
+    window.until(lambda now: now["scene"] == "billiards", 90)
+    window.find()
+    window.switched("h")
+    window.tool("key", "Escape")
+    window.until(lambda now: not now["help"])
+    window.tool("key", "Escape")
+    window.until(lambda now: "quit?" in now["said"])
+    window.tool("key", "v")
+    window.until(lambda now: "quit?" not in now["said"])
+    window.tool("key", "Escape")
+    window.until(lambda now: "quit?" in now["said"])
     window.tool("key", "Escape")
     assert window.process.wait(20) == 0
 

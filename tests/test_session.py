@@ -30,7 +30,7 @@ def test_whoever_slept_moves_on_when_effects_come_and_go() -> None:
     left = session.sim.count
     session.do(["choose", "wet"])
     session.do(["stroke", "press", 0.2, 0.02, 0.0, 0.0])
-    assert "no table [effects.moisture]" in session.message
+    assert session.message == "switch on moisture to wet grains"
     session.do(["stroke", "release", 0.2, 0.02, 0.0, 0.0])
     session.do(["effect", "sleeping", True])
     session.advance(round(4 / session.sim.step))

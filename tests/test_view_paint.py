@@ -11,6 +11,7 @@ from view_world import shift, start_taichi, world_of
 
 from taichi_sand.errors import SandError
 from taichi_sand.view import palette
+from taichi_sand.view.camera import Camera
 from taichi_sand.view.kernels import SHOWN_RADIUS
 from taichi_sand.view.paint import Painter, picture_height
 from taichi_sand.view.views import HOLD, Range, quantile, views_of
@@ -90,7 +91,7 @@ def test_kinds_have_their_tones_and_grains_their_lightness() -> None:
     image = painted(world_of(places, 0.04, kind=[k // 50 for k in range(100)]), kinds=2)
     for kind in range(2):
         seen = np.array([image[round(200 - 200 * y), round(200 * x)] for x, y in places[50 * kind : 50 * kind + 50]])
-        lightness = seen / np.array(palette.rgb(palette.SAND[kind]))
+        lightness = seen / np.array(palette.rgb(palette.KINDS[kind]))
         assert 0.92 < lightness.min() < 0.96 and 1.04 < lightness.max() < 1.08
         assert np.allclose(lightness, lightness[:, :1], atol=0.02)
 
@@ -233,6 +234,63 @@ def test_canvas_of_a_window_is_painted_in_place() -> None:
     screen = np.zeros(100 * 100, np.uint32)
     assert painter.paint(canvas=screen) is screen
     assert screen[50 * 100 + 50] == palette.packed(palette.FIXED)
+
+
+@pytest.mark.parametrize("corner", [(0.0, 0.0), (0.3, 0.45)])
+def test_a_window_is_a_part_of_the_picture_of_all(corner: tuple[float, float]) -> None:
+    """Grains, contacts, walls and edges, as in a picture that is as many times as wide."""
+    places = np.random.default_rng(5).uniform(0, 1, (60, 2))
+    world = world_of(places, 0.05, kind=np.arange(60) % 3, pairs=[(k, k + 1, 1.0 + k) for k in range(59)])
+    drawn: dict[str, Any] = {"walls": np.array([[0.2, 0.1, 0.7, 0.9]]), "edges": (True, True, True, True), "kinds": 3}
+    for chains in (False, True):
+        whole, part = (
+            Painter(world, (1.0, 1.0), 400, force_chains=chains, **drawn),
+            Painter(world, (1.0, 1.0), 400, force_chains=chains, **drawn),
+        )
+        part.look_at(Camera(*corner, 800.0))
+        part.chain_widths = tuple(2 * width for width in whole.chain_widths)
+        fine = Painter(world, (1.0, 1.0), 800, force_chains=chains, **drawn)
+        left, top = round(800 * corner[0]), 800 - round(800 * corner[1]) - 400
+        crop = fine.rgb(fine.paint()).astype(int)[top : top + 400, left : left + 400]
+        shown = part.rgb(part.paint()).astype(int)
+        off = np.abs(crop - shown).max(axis=2)
+        assert (off > 60).mean() < 0.02 and (crop != GROUND).any()  # lines of walls are half as wide
+        assert (np.abs(whole.rgb(whole.paint()).astype(int) - shown).max(axis=2) > 60).mean() > 0.2
+    window = painted(world, 400, window=(*corner, corner[0] + 0.5, corner[1] + 0.5), kinds=3)
+    again = Painter(world, (1.0, 1.0), 400, kinds=3)
+    again.look_at(Camera(*corner, 800.0))
+    assert (window == again.rgb(again.paint())).all()
+
+
+def test_the_camera_zooms_at_a_point_moves_and_shows_nothing_but_the_box() -> None:
+    home = Camera.of((0.0, 0.0, 2.0, 1.0), 400)
+    place = home.place(300, 50, 200)
+    near = home.zoomed(3.0, place)
+    assert near.scale == 600 and near.place(300, 50, 200) == pytest.approx(place)
+    assert near.pixels(np.array([place]), 200)[0] == pytest.approx((300, 50))
+    assert near.within((2.0, 1.0), (400, 200), home.scale) == near
+    assert near.zoomed(0.1, place).within((2.0, 1.0), (400, 200), home.scale) == home
+    far = near.moved(10.0, -10.0).within((2.0, 1.0), (400, 200), home.scale)
+    assert (far.x, far.y) == pytest.approx((2.0 - 400 / 600, 0.0))
+
+
+def test_kinds_of_grains_differ_for_everybody() -> None:
+    """Also for those who lack a sort of cones (simulated by Viénot and others 1999), and on both grounds."""
+    colours = (np.array([palette.rgb(colour) for colour in palette.KINDS], float) / 255) ** 2.2
+    lms = np.array([[17.8824, 43.5161, 4.11935], [3.45565, 27.1554, 3.86714], [0.0299566, 0.184309, 1.46709]])
+    blind = {"none": np.eye(3), "red": np.array([[0, 2.02344, -2.52581], [0, 1, 0], [0, 0, 1]])}
+    blind["green"] = np.array([[1, 0, 0], [0.494207, 0, 1.24827], [0, 0, 1]])
+    for seen in blind.values():
+        shown = np.clip(colours @ (np.linalg.inv(lms) @ seen @ lms).T, 0, 1) ** (1 / 2.2) * 255
+        apart = np.hypot(*(shown[:, None, :2] - shown[None, :, :2]).transpose(2, 0, 1)) + np.abs(shown[:, None, 2] - shown[None, :, 2])
+        assert apart[np.triu_indices(6, 1)].min() > 35, apart
+    for ground in palette.GROUNDS.values():
+        assert min(np.abs(np.subtract(palette.rgb(colour), palette.rgb(ground.colour))).max() for colour in palette.KINDS) > 60
+
+
+def test_a_light_ground() -> None:
+    image = painted(world_of([(0.5, 0.5)], 0.1, fixed=[0]), ground="light")
+    assert tuple(image[5, 5]) == (255, 255, 255) and tuple(image[100, 100]) == palette.rgb(palette.FIXED)
 
 
 @pytest.mark.parametrize(("size", "width", "height"), [((0.4, 0.8), 720, 1440), ((3.0, 1.0), 100, 34), ((1.0, 1e-6), 100, 2)])

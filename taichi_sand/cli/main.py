@@ -164,6 +164,7 @@ def play(
         Path | None, typer.Option("--record", metavar="FILE", help="Everything that is done, for `render FILE` to do again.")
     ] = None,
     width: Annotated[int | None, typer.Option("--width", min=200, max=4000, help="Of the picture, in pixels.")] = None,
+    text: Annotated[int, typer.Option("--text", min=13, max=26, help="Size of the window's text, in pixels.")] = 13,
     web: Annotated[bool, typer.Option("--web", help="In a browser instead of a window; prints the address to open.")] = False,
     host: Annotated[str, typer.Option("--host", help="With --web: address to serve at; by default none but this machine.")] = "127.0.0.1",
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="With --web: the port; 0 is any that is free.")] = 0,
@@ -184,12 +185,14 @@ def play(
             made = {"arch": arch, "threads": threads}
             face.play(loaded, Path(scene).stem, folder=folder, host=host, port=port, record=record, **made)
             return
-        from taichi_sand.play.session import Session
-        from taichi_sand.play.window import window
+        from taichi_sand.play.window import opening
 
-        window.check_display()
-        session = Session(loaded, arch=arch, threads=threads)
-        window.play(session, Path(scene).stem, folder=folder, width=width, report=report, record=record)
+        opening.check_display()
+        opened = opening.Opening(loaded, Path(scene).stem, width, text)
+        opened.show()
+        from taichi_sand.play.window import window  # it takes a while to import
+
+        window.play(opened, folder=folder, record=record, report=report, arch=arch, threads=threads)
 
 
 @app.command()

@@ -45,7 +45,7 @@ class Bonds(Effect):
     """The effect."""
 
     parameters = (
-        Parameter("stiffness", 1000.0, "force of a bond over how much longer it is", "weights/d", low=0.0, high=1e7),
+        Parameter("stiffness", 1000.0, "force of a bond over how much longer it is", "weights/d", low=0.0, high=1e7, decades=True),
         Parameter("damping", 0.1, "damping ratio of two grains and their bond", low=0.0, high=1.0),
         Parameter("strength", 0.0, "pull at which a bond breaks, in weights of a mean grain; 0 = never", "weights", low=0.0, high=1e9),
         Parameter("reach", 0.5, "bonded are grains up to this far apart, surface to surface", "d", low=0.0, high=4.0, live=False),

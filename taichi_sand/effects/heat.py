@@ -27,7 +27,7 @@ class Heat(Effect):
     """The effect."""
 
     parameters = (
-        Parameter("capacity", 800.0, "specific heat; that of quartz is 800", "J/(kg K)", low=1e-3, high=1e6),
+        Parameter("capacity", 800.0, "specific heat; that of quartz is 800", "J/(kg K)", low=1e-3, high=1e6, decades=True),
         Parameter("conduction", 1.0, "rate at which two grains that touch even out their temperatures", "1/s", low=0.0, high=1e4),
     )
     neutral: ClassVar = {}

@@ -125,13 +125,17 @@ def video(path: Path, name: str, fps: int, codec: str, pixels: str, options: lis
     """Writes frames of one size to a video file, towards the film `name`. SandError if the encoder fails, or its file cannot be read."""
     encoder: Encoder | None = None
     count = 0
+    shape: tuple[int, ...] = ()
 
     def write(frame: np.ndarray) -> None:
-        nonlocal encoder, count
+        nonlocal encoder, count, shape
         if encoder is None:
             size = f"{frame.shape[1]}x{frame.shape[0]}"
             raw = ["-f", "rawvideo", "-vcodec", "rawvideo", "-s", size, "-pix_fmt", "rgb24", "-r", str(fps), "-i", "-", "-an"]
-            encoder = Encoder(name, *raw, "-vcodec", codec, "-pix_fmt", pixels, *options, path)
+            encoder, shape = Encoder(name, *raw, "-vcodec", codec, "-pix_fmt", pixels, *options, path), frame.shape
+        if frame.shape != shape:  # the encoder would cut what follows into pictures of the old size
+            size, other = (f"{pixels[1]} x {pixels[0]}" for pixels in (shape, frame.shape))
+            raise SandError(f"{name}: a film has pictures of one size, {size} pixels, and not {other}")
         encoder.take(frame)
         count += 1
 

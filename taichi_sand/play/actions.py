@@ -3,7 +3,7 @@
 from typing import Any
 
 from taichi_sand.play.calls import fits
-from taichi_sand.play.session import LOOKS
+from taichi_sand.play.chapter import LOOKS
 from taichi_sand.play.tools import TOOLS
 from taichi_sand.play.verbs import VERBS
 
@@ -12,7 +12,7 @@ FARTHEST = 1e9
 NUMBER = (int, float)
 ARGUMENTS: dict[str, tuple] = {
     **dict.fromkeys(("mark", "undo", "redo", "reset"), ()),
-    **dict.fromkeys(("choose", "solver", "open", "load"), (str,)),
+    **dict.fromkeys(("choose", "solver", "open", "load", "default"), (str,)),
     **{"set": (str, NUMBER), "effect": (str, bool), "look": (str, (str, bool)), "opened": (bool,), "kind": (int,)},
     "call": (str, dict),
     "stroke": (str, NUMBER, NUMBER, NUMBER, NUMBER, bool),

@@ -1,6 +1,6 @@
 """The brush: what the tools of the mouse work with."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,12 +24,14 @@ class Brush:
     strength: float  # of stir, attract, repel, wet and dry
     grip: float  # largest force of grab, in weights of the grain
     kind: int = 0  # which [[grains]] table the grains made belong to
+    first: dict[str, float] = field(default_factory=dict)  # what the sliders go back to
 
     @classmethod
     def of(cls, sim: Simulation) -> "Brush":
         """What suits a simulation."""
         brush = cls(max(2.5 * sim.bed.diameter, 0.03 * min(sim.scene.size)), 1.0, 1.0, 0.0, 1.0, 100.0)
         free = [number for number, table in enumerate(sim.scene.grains) if not table.fixed]
+        brush.first = {name: getattr(brush, name) for name in ("size", "spin", "strength", "grip")}
         brush.next_kind(sim, free[0] if free else 0)
         return brush
 
@@ -47,13 +49,14 @@ class Brush:
             radii = (min(own), max(own)) if own else radii
         unit, (_, most) = 0.5 * sim.bed.diameter, _limits(sim)
         self.low, self.high = (min(most, radius / unit) for radius in radii)
+        self.first |= {"low": self.low, "high": self.high}
 
     def knobs(self, sim: Simulation) -> list[Knob]:
         """Their sliders."""
         side = min(sim.scene.size)
         least, most = _limits(sim)
         small = 0.5 * sim.bed.diameter
-        return [
+        found = [
             Knob("tool.size", "brush", "tools", "m", "radius of the brush; the wheel changes it", 0.5 * small, 0.5 * side, log=True),
             Knob("tool.low", "smallest", "tools", "d", "smallest grain that create and pour make, over the mean diameter", least, most),
             Knob("tool.high", "largest", "tools", "d", "largest grain that they make", least, most),
@@ -61,6 +64,7 @@ class Brush:
             Knob("tool.strength", "strength", "tools", "x", "of stir, attract, repel, wet and dry", 0.1, 10.0, log=True),
             Knob("tool.grip", "grip", "tools", "weights", "largest force of grab, in weights of the grain", 1.0, 1000.0, log=True),
         ]
+        return [replace(knob, home=self.first[knob.key[5:]]) for knob in found]
 
     def masses(self, sim: Simulation, radius: np.ndarray, kind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mass [kg] and inertia [kg m2] of grains with these radii [m], of these kinds."""

@@ -1,13 +1,17 @@
 """What keys, buttons and the hand do, of whatever face: each becomes an action of the session, or something that the face does."""
 
+from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
 from taichi_sand.errors import SandError
-from taichi_sand.play import files
+from taichi_sand.play import files, wall_tools
 from taichi_sand.play.keys import BY_KEY
 from taichi_sand.play.knobs import Knob
 from taichi_sand.play.session import Session
 from taichi_sand.scene import loading
+from taichi_sand.scene.schema import Scene
 from taichi_sand.view.views import views_of
 
 WHEEL = 1.15
@@ -15,6 +19,11 @@ WHEEL = 1.15
 SMOOTH = 0.35
 """Share of the newest frame in the velocity of the hand."""
 SPEEDS = (0.05, 4.0)
+SLOW = ("solver", "effect", "open", "undo", "redo", "reset", "load")
+"""Actions that may have something compiled."""
+STRAIGHT, MOST_PLACES = 0.002, 64
+"""The way of the hand between two frames is followed by straight parts that are nowhere farther off than this share of the box, and a tool
+with a brush works at so many places of it at most."""
 Place = tuple[float, float]
 
 
@@ -28,7 +37,9 @@ class Commands:
         self.paused = False
         self.due = 0  # steps to do although it is paused
         self.last: Place = (0.0, 0.0)  # where the hand was
+        self.way: list[Place] = []  # where it has passed since
         self.motion: Place = (0.0, 0.0)  # and how it moved
+        self.opening = ""  # name of the scene that is being opened
         self.told = ""  # what there is to say besides the session's message
 
     def key(self, name: str) -> None:
@@ -50,30 +61,60 @@ class Commands:
 
     def do(self, *action: Any) -> None:
         """An action of the session."""
-        self.told = ""
-        if action[0] in ("solver", "effect", "open", "undo", "redo", "reset", "load"):
-            self.face.wait("compiling …" if action[0] in ("solver", "effect", "open") else "")
+        self.told, chapter = "", self.session.chapter
+        if action[0] in SLOW:
+            self.face.wait(self.opening if action[0] == "open" else str(action[1]) if action[0] in ("solver", "effect") else action[0])
         self.session.do(list(action))
         self.face.stale = True
+        if self.session.chapter is not chapter:
+            name = self.opening if action[0] == "open" else self.session.chapter.name
+            self.session.chapter.name = self.face.name = name or self.face.name
+            self.face.open()
 
     # the hand
 
     def press(self, place: Place, other: bool) -> None:
         """A button goes down at a place; `other`: the right one."""
         if self.session.stroke is None:
-            self.motion, self.last = (0.0, 0.0), place
+            self.motion, self.last, self.way = (0.0, 0.0), place, []
             self.do("stroke", "press", *place, 0.0, 0.0, other)
+
+    def passes(self, place: Place) -> None:
+        """The hand passes a place between two frames, while a button is down."""
+        if self.session.stroke is not None and self.session.stroke.tool.follows:
+            self.way.append(place)
 
     def drag(self, place: Place) -> None:
         """Once a frame while a button is down, even if the hand stands still."""
         if self.session.stroke is not None:
-            self.session.do(["stroke", "drag", *place, *self._motion(place)])
-            self.last = place
+            motion = self._motion(place)
+            for passed in (*self._passed(place), place):
+                self.session.do(["stroke", "drag", *passed, *motion])
+            self.last, self.way = place, []
 
     def release(self, place: Place) -> None:
         """The button comes up."""
         if self.session.stroke is not None:
-            self.do("stroke", "release", *place, *self._motion(place))
+            motion = self._motion(place)
+            for passed in self._passed(place):
+                self.session.do(["stroke", "drag", *passed, *motion])
+            self.way = []
+            self.do("stroke", "release", *place, *motion)
+
+    def _passed(self, place: Place) -> list[Place]:
+        """The corners of the way of the hand since the last frame; where the tool has a brush, with places between them, so that none is
+        left out however slow the frames are.
+        """
+        tool = self.session.stroke.tool if self.session.stroke else None
+        if tool is None or not tool.follows:
+            return []
+        corners = wall_tools.straightened(np.array([self.last, *self.way, place]), STRAIGHT * min(self.session.sim.scene.size))
+        places = [corners[0]]
+        for start, end in pairwise(corners):
+            far = np.hypot(*(end - start)) / self.session.brush.size if tool.uses else 0.0
+            parts = max(1, min(MOST_PLACES, int(far) + 1))
+            places += [start + (end - start) * part / parts for part in range(1, parts + 1)]
+        return [(float(x), float(y)) for x, y in places[1:-1]]
 
     def let_go(self) -> None:
         """The button comes up where the hand was last."""
@@ -98,6 +139,25 @@ class Commands:
         value = knob.value(share, self.session.opened)
         if value != self.session.value(knob.key):
             self.do("set", knob.key, value)
+
+    def type_in(self, knob: Knob, value: float) -> None:
+        """A value for a slider is typed; SandError if it is none that it may have."""
+        bounded = knob.bounded(value, self.session.opened)
+        self.take(knob)
+        self.do("set", knob.key, value)
+        if bounded != value:
+            low, high = knob.limits()
+            self.told = f"{knob.label} lies in {low:g} … {high:g} {knob.unit}".rstrip()
+
+    def restore(self, knob: Knob) -> None:
+        """A slider goes back to what the scene says."""
+        self.take(knob)
+        self.do("default", knob.key)
+
+    def help_out(self) -> None:
+        """Does what was offered when something was refused."""
+        if self.session.offer:
+            self.do(*self.session.offer[1])
 
     def grow(self, notches: int) -> None:
         """The wheel makes the brush larger."""
@@ -182,6 +242,9 @@ class Commands:
 
     def scene(self, name: str) -> None:
         """A bundled scene."""
-        self.do("open", loading.load(name).to_json())
-        self.face.name = name
-        self.face.open()
+        self.start(loading.load(name), name)
+
+    def start(self, scene: Scene, name: str) -> None:
+        """Another scene, under this name."""
+        self.opening = name
+        self.do("open", scene.to_json())

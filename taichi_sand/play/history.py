@@ -4,9 +4,10 @@ from collections.abc import Iterator
 
 from taichi_sand.play.snapshot import Snapshot
 
-LEAST_STEPS, MOST_STEPS = 50, 200
-MOST_BYTES = 64 * 2**20
-"""Beyond LEAST_STEPS, the kept moments take at most so much together; the oldest go first (a moment of 10000 grains takes some 4 MB)."""
+MOST_STEPS = 200
+MOST_BYTES = 2**28
+"""All kept moments take at most so much together, but for the last, which is always there; the oldest go first. A moment of 10000 grains
+takes some 4 MB, of 100000 some 40."""
 
 
 class History:
@@ -20,7 +21,7 @@ class History:
         """Something is about to be done at this moment; what was undone before cannot be done again."""
         self.past.append(moment)
         self.future.clear()
-        while len(self.past) > MOST_STEPS or (len(self.past) > LEAST_STEPS and self.bytes() > MOST_BYTES):
+        while len(self.past) > MOST_STEPS or (len(self.past) > 1 and self.bytes() > MOST_BYTES):
             self.past.pop(0)
 
     def back(self, now: Snapshot) -> Snapshot | None:

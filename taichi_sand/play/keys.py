@@ -18,7 +18,7 @@ class Key:
     @property
     def name(self) -> str:
         """How the key is called on screen."""
-        return {" ": "space", "Escape": "esc"}.get(self.key, self.key)
+        return {" ": "space", "Escape": "esc", "Home": "home"}.get(self.key, self.key)
 
 
 def _look(key: str, name: str, help: str) -> Key:
@@ -34,7 +34,7 @@ KEYS = (
     Key("r", "reset to the start", "reset"),
     Key("-", "slower", "faster", (0.5,)),
     Key("=", "faster", "faster", (2.0,)),
-    Key("z", "undo the last stroke or change of a number", "undo"),
+    Key("z", "undo the last stroke, change of a number, or of the scene", "undo"),
     Key("y", "do it again", "redo"),
     Key("m", "the other solver, on the grains as they are", "other_solver"),
     Key("u", "open the ranges of the sliders to unphysical values, and close them", "open_ranges"),
@@ -53,7 +53,8 @@ KEYS = (
     _look("n", "asleep", "sleeping grains fainter"),
     _look("i", "hud", "numbers over the picture"),
     Key("h", "this help", "help", (), "views"),
-    Key("Escape", "quit", "quit", (), "files"),
+    Key("Home", "all of the box: the wheel zooms, the middle button moves", "fit", (), "keys"),
+    Key("Escape", "close what is open; quit, when pressed twice", "quit", (), "files"),
 )
 BY_KEY = {key.key: key for key in KEYS}
 GROUPS = ("tools", "keys", "views", "files")

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 from taichi_sand.measure.report import contacts, motion
 from taichi_sand.play.knobs import Knob
-from taichi_sand.view.caption import number_text
+from taichi_sand.view.text import number_text
 
 if TYPE_CHECKING:
     from taichi_sand.play.session import Session

@@ -12,6 +12,8 @@ MOST_WALL = 0.05
 """A frame never makes up for more wall time than this [s]: what is lost is lost, and simulated time slows down."""
 BUDGET = 0.024
 """Wall time that simulating may take in a frame [s]; the picture keeps moving however slow the simulation is."""
+KEEPS_UP, SETTLED = 0.9, 60
+"""Slowed down is what reaches less than this share of the speed that was asked for, after so many frames."""
 MEMORY = 0.1
 """Share of the newest frame in running means."""
 
@@ -25,6 +27,7 @@ class Pace:
         self.factor = 0.0  # simulated time / wall time
         self.mean = FRAME  # wall time of a frame [s]
         self.stages: dict[str, float] = {}  # wall time of each stage in a frame [s]
+        self.count = 0  # frames in which time went on
 
     def advance(self, session: "Session", wall: float, single: int | None) -> int:
         """Simulates what is due `wall` [s] after the last frame, or while it is paused so many steps; returns how many it did."""
@@ -60,8 +63,13 @@ class Pace:
     def frame(self, wall: float, simulated: float) -> None:
         """A frame that took `wall` [s] brought `simulated` [s]."""
         wall = max(wall, 1e-6)
+        self.count += 1
         self.factor += MEMORY * (simulated / wall - self.factor)
         self.mean += MEMORY * (wall - self.mean)
+
+    def slowed(self, speed: float) -> bool:
+        """Whether simulated time lags behind `speed` times the wall's, once means can be told."""
+        return self.count > SETTLED and self.factor < KEEPS_UP * speed
 
     def stage(self, name: str, seconds: float) -> None:
         """Stage `name` of a frame took `seconds`."""

@@ -23,12 +23,17 @@ from taichi_sand.play.actions import is_action
 from taichi_sand.play.session import Session, pack
 from taichi_sand.play.snapshot import Snapshot, from_bytes
 from taichi_sand.play.window.screen import Screen
+from taichi_sand.play.window.shape import Shape
 from taichi_sand.scene.schema import Scene
+from taichi_sand.view import palette
+from taichi_sand.view.camera import picture_height
 from taichi_sand.world.checkpoint import believing
 
 FORMAT, TITLE = 2, "taichi_sand recording"
 EVERY = 1.0
 """Wall time between two hashes [s]."""
+LEAST_WIDTH = 2
+"""Of a picture within another [px]."""
 MOST_STEPS, LONGEST = 1_000_000, 86400.0
 """Steps of a frame, and seconds that are played, are no more."""
 
@@ -118,7 +123,7 @@ def replay(recorded: tuple[Snapshot, Scene, list], path: Path, arch: str, thread
     with believing(path, "recording"):
         session = Session(scene, arch=arch, threads=threads)
         session.go_to(start)
-    session.start = session.moment()
+    session.chapter.start = session.moment()
     for number, line in enumerate(rest, 2):
         if isinstance(line, dict):
             if line["hash"] != session.digest():
@@ -140,17 +145,50 @@ def film(path: Path, out: str, *, fps: int, width: int | None, arch: str, thread
     recorded = read(path)
     total = max((line[2] for line in recorded[2] if isinstance(line, list)), default=0.0)
     with writing.replacing(target, folder=ending == "/") as made, WRITERS[ending](made, fps) as write:
-        screen, shown = None, 0
+        pictures, shown = Pictures(width), 0
         for session, wall in replay(recorded, path, arch, threads):
             while shown / fps <= wall:
                 if ending == ".html":
                     write(session.sim, shown / fps)
                     shown = max(shown, int(wall * fps)) + 1  # a page needs no copies
                     continue
-                screen = screen or Screen(session, width or session.sim.scene.view.width)
-                canvas = np.zeros(screen.size[0] * screen.size[1], np.uint32)
-                picture = screen.paint(canvas, {}, None, "")
-                write(screen.painter.rgb(picture))
+                write(pictures.of(session))
                 shown += 1
             if progress and total:
                 progress(min(1.0, wall / total))
+
+
+class Pictures:
+    """Pictures of one size of a session, whatever scene it plays: that of the first, in which those of others are shown whole.
+
+    `width`: of the pictures [px]; that of the scene if None.
+    """
+
+    def __init__(self, width: int | None) -> None:
+        self.width, self.size = width, (0, 0)
+        self.screen: Screen | None = None
+
+    def of(self, session: Session) -> np.ndarray:
+        """This moment, (height, width, 3) uint8."""
+        if self.screen is None or self.screen.chapter is not session.chapter:
+            self.screen = self._screen(session)
+        picture, (width, height) = self.screen.film_frame(), self.size
+        if picture.shape[:2] == (height, width):
+            return picture
+        whole = np.empty((height, width, 3), np.uint8)
+        whole[:] = palette.rgb(palette.GROUND)
+        top, left = (height - picture.shape[0]) // 2, (width - picture.shape[1]) // 2
+        whole[top : top + picture.shape[0], left : left + picture.shape[1]] = picture
+        return whole
+
+    def _screen(self, session: Session) -> Screen:
+        """What paints the scene that is played, as large as fits."""
+        view, (wide, high) = session.sim.scene.view, session.sim.scene.size
+        if not self.size[0]:
+            screen = Screen(session, Shape.of(session.sim.scene.size, self.width or view.width))
+            self.size = screen.picture
+            return screen
+        width = max(LEAST_WIDTH, min(self.size[0], int(self.size[1] * wide / high)))
+        while width > LEAST_WIDTH and picture_height((wide, high), width) > self.size[1]:
+            width -= 1
+        return Screen(session, Shape.of((wide, high), width))

@@ -16,6 +16,7 @@ import numpy as np
 from taichi_sand.errors import SandError
 from taichi_sand.play import calls, knobs, transfer
 from taichi_sand.play.brush import Brush
+from taichi_sand.play.chapter import Chapter
 from taichi_sand.play.history import History
 from taichi_sand.play.snapshot import Snapshot, restore, take, to_bytes
 from taichi_sand.play.stroke import Stroke
@@ -28,10 +29,8 @@ from taichi_sand.scene.walls import Wall
 from taichi_sand.taichi_support import runtime
 from taichi_sand.view.views import KIND, views_of
 
-MOST_BUILT = 6
-"""Structures (solver, effects) that are kept ready; with more, all are dropped, as Taichi frees single ones never."""
-LOOKS = {"color": "kind", "chains": False, "velocities": False, "forces": False, "grid": False, "bonds": True, "asleep": True, "hud": True}
-"""What may be switched of how it looks, and how it starts."""
+Key = tuple[Chapter, str, tuple[Wall, ...]]
+"""What of a simulation its tables and kernels are made for: the scene that was opened, its structure, its first walls."""
 
 
 class Session:
@@ -47,42 +46,54 @@ class Session:
         self.log: list[list] | None = None  # what was done since the last `take_log`, for recordings
         self.before_action: Callable[[], None] | None = None  # is called before an action is logged
         self.doing = False  # whether an action is being done
+        self.making = False  # whether a simulation is being made: what is raised then leaves all as it was
         self.counted = 0  # steps, the last time that they were
-        self.compiled = 0  # how often something had to be compiled
+        self.history = History()
+        self.built: dict[Key, Simulation] = {}  # what is ready to be gone on with
+        self.sim: Simulation = None  # type: ignore[assignment]  # until one is made
+        self.message = ""
+        self.offer: tuple[str, list] | None = None  # what would help where something was refused: its name, and the action
+        self.stroke: Stroke | None = None
         self.open(scene)
 
     def open(self, scene: Scene) -> None:
-        """Starts another scene, or the same anew; nothing before it can be undone."""
-        self.drop()
-        self.home = scene
-        self.message = ""
+        """Starts another scene, or the same anew. SandError if it cannot be simulated, and then all is as it was."""
+        before, chapter = self.moment() if self.sim else None, Chapter(scene)
+        sim = self._make(scene)
+        if before:
+            self.history.keep(before)
+        chapter.room, chapter.brush = sim.room, Brush.of(sim)
+        self.built[chapter, live.structure(scene), sim.first_walls] = sim
+        self._enter(chapter)
+        self._listen_to(sim)
         self.opened = False  # sliders reach unphysical values
+        self.physical: dict[str, float] = {}  # values that were there before they became unphysical, by key
         self.speed = 1.0
-        self.look = {**LOOKS, "color": scene.view.color, "chains": scene.view.force_chains, "cold": scene.view.cold, "hot": scene.view.hot}
-        self.history = History()
         self.rng = np.random.default_rng(scene.seed)
         self._knobs: tuple = (None, [])
-        self._listen_to(Simulation(scene, **self.where, hand=True))
-        self.room = self.sim.room
-        self.built[live.structure(scene), self.sim.first_walls] = self.sim
-        self.compiled += 1
-        self.brush = Brush.of(self.sim)
-        self.tool = "grab"
-        self.stroke: Stroke | None = None
-        self.start = self.moment()
+        self.tool, self.stroke = "grab", None
+        chapter.start = self.moment()
+
+    def _enter(self, chapter: Chapter) -> None:
+        """Plays this scene."""
+        self.chapter, self.home, self.look, self.brush = chapter, chapter.home, chapter.look, chapter.brush
 
     def drop(self) -> None:
         """Lets go of all simulations, and of Taichi's memory."""
-        self.built: dict[tuple[str, tuple[Wall, ...]], Simulation] = {}
-        self.sim: Simulation = None  # type: ignore[assignment]  # until one is made
+        self.built = {}
+        self.sim = None  # type: ignore[assignment]
         gc.collect()
         if not runtime.alive:
             runtime.forget()
 
     def do(self, action: list) -> None:
-        """Does one action. What cannot be done leaves a sentence in `message`."""
+        """Does one action. What cannot be done leaves a sentence in `message`, and what would help in `offer`; both stay to the end of a
+        stroke.
+        """
         self._note(action)
-        self.message, self.doing, before = "", True, self.sim.steps
+        if action[:2] not in (["stroke", "drag"], ["stroke", "release"]):
+            self.message, self.offer = "", None
+        self.doing, before = True, self.sim.steps
         try:
             VERBS[action[0]](self, *action[1:])
         except SandError as error:
@@ -128,7 +139,7 @@ class Session:
 
     def keep_built(self) -> None:
         """What was called may have changed the structure of the simulation."""
-        key = live.structure(self.sim.scene), self.sim.first_walls
+        key = self.chapter, live.structure(self.sim.scene), self.sim.first_walls
         self.built = {other: sim for other, sim in self.built.items() if sim is not self.sim} | {key: self.sim}
 
     def _heard(self, name: str, args: tuple, named: dict[str, Any]) -> None:
@@ -144,15 +155,27 @@ class Session:
     def moment(self) -> Snapshot:
         """All of it at this moment."""
         moment = take(self.sim, self.history.last())
-        moment.session = {"rng": self.rng.bit_generator.state}
+        moment.session = {"rng": self.rng.bit_generator.state, "physical": dict(self.physical)}
+        moment.chapter = self.chapter
         return moment
 
     def go_to(self, moment: Snapshot) -> None:
-        """Goes to a moment, bit for bit."""
-        self._take(self._ready(moment.host.scene, moment.walls))
-        restore(self.sim, moment)
+        """Goes to a moment, bit for bit, of another scene too. SandError if it cannot be one, and then all is as it was."""
+        chapter = moment.chapter or self.chapter
+        before = self.moment() if moment.foreign else None
+        sim = self._ready(chapter, moment.host.scene, moment.walls)
+        try:
+            restore(sim, moment)
+        except BaseException:
+            if not self.sim and before:
+                self.go_to(before)
+            raise
+        if chapter is not self.chapter:
+            self._enter(chapter)
+        self._take(sim)
         if "rng" in moment.session:
             self.rng.bit_generator.state = moment.session["rng"]
+        self.physical = dict(moment.session.get("physical", {}))
         self.stroke = None
 
     def digest(self) -> str:
@@ -167,31 +190,49 @@ class Session:
 
     # structures
 
-    def _ready(self, scene: Scene, walls: tuple[Wall, ...]) -> Simulation:
+    def _ready(self, chapter: Chapter, scene: Scene, walls: tuple[Wall, ...]) -> Simulation:
         """A simulation of the structure that `scene` wants, with tables made for these walls; its state is still to be set."""
-        key = (live.structure(scene), tuple(walls))
+        key = (chapter, live.structure(scene), tuple(walls))
         if key not in self.built:
-            if len(self.built) >= MOST_BUILT:
-                self.drop()
-            self.built[key] = Simulation(laid_out(scene, walls), **self.where, room=self.room, hand=True)
-            self.compiled += 1
+            self.built[key] = self._make(laid_out(scene, walls), room=chapter.room)
+        if not chapter.room:
+            chapter.room, chapter.brush = self.built[key].room, Brush.of(self.built[key])
         return self.built[key]
 
-    def become(self, scene: Scene) -> None:
-        """Goes on with another solver or other effects, on the grains as they are."""
-        walls = self.sim.first_walls
-        if len(self.built) >= MOST_BUILT and (live.structure(scene), walls) not in self.built:
+    def _make(self, scene: Scene, room: int = 0) -> Simulation:
+        """A new simulation beside those there are, or in their place once they have taken as much memory as they may: Taichi gives back
+        that of single ones never. What cannot be made leaves what there was.
+        """
+        now = None
+        if self.sim and (runtime.full() or scene.solver.precision != self.sim.scene.solver.precision):
             now = self.moment()
             self.drop()
-            self.go_to(now)
+        self.making = now is None
+        try:
+            return Simulation(scene, **self.where, room=room, hand=True)
+        except BaseException:
+            self.making = False
+            if now:
+                self.go_to(now)
+            raise
+        finally:
+            self.making = False
+
+    def become(self, scene: Scene) -> None:
+        """Goes on with another solver or other effects, on the grains as they are; that can be undone."""
+        walls, before = self.sim.first_walls, self.moment()
+        if (self.chapter, live.structure(scene), walls) not in self.built and runtime.full():
+            self.drop()
+            self.go_to(before)
         if self.sim.world.sleeps:
             self.sim.renew()  # wakes everybody
-        now, new = self.moment(), self._ready(scene, walls)
+        now, new = self.moment(), self._ready(self.chapter, scene, walls)
         if new is not self.sim:
             transfer.hand_over(self.sim, new, now, scene)
             self._take(new)
         else:
             self.sim.retune(scene)
+        self.history.keep(before)
 
     def _take(self, sim: Simulation) -> None:
         """Goes on with `sim`; colours that it has not are shown no more."""
@@ -210,8 +251,10 @@ class Session:
         return self.sim.get(key)
 
     def unphysical(self) -> list[str]:
-        """What lies beyond its declared range, in words."""
-        return [f"{key.split('.', 1)[1]} = {value:g}" for key, value in self.sim.over.items()]
+        """What lies beyond its declared range, in words, with the reason why that is unphysical."""
+        known = {knob.key: knob for knob in self.knobs()}
+        why = {key: f" ({known[key].why(value)})" if key in known else "" for key, value in self.sim.over.items()}
+        return [f"{key.split('.', 1)[1]} = {value:g}{why[key]}" for key, value in self.sim.over.items()]
 
     def knobs(self) -> list[knobs.Knob]:
         """Everything with a slider."""

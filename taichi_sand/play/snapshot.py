@@ -55,6 +55,7 @@ class Snapshot:
     walls: tuple[Any, ...]  # that these have been made for
     session: dict[str, Any] = field(default_factory=dict)  # what the session keeps with it; must be JSON
     foreign: bool = False  # whether it comes out of a file, which anybody may have made
+    chapter: Any = None  # of which scene of the session; None = of the one that is played
 
 
 def tables_of(sim: Simulation) -> dict[str, Any]:

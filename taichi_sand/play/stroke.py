@@ -24,9 +24,13 @@ class Stroke:
         self.phase, self.x, self.y, self.vx, self.vy = phase, x, y, vx, vy
         self.tool.work(self)
 
+    def let_go(self) -> None:
+        """The hand acts no more."""
+        self.hand(work=hand.IDLE)
+
     def end(self) -> None:
         """The button was let go, or another tool chosen."""
-        self.hand(work=hand.IDLE)
+        self.let_go()
         if self.tool.finish:
             self.tool.finish(self)
 

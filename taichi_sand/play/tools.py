@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from taichi_sand import effects
 from taichi_sand.errors import SandError
 from taichi_sand.play import wall_tools
 from taichi_sand.play.stroke import Stroke
 from taichi_sand.run.simulation import Simulation
 from taichi_sand.scene.scatter import Taken
+from taichi_sand.scene.schema import MOST_GRAINS
 from taichi_sand.world import edit
 from taichi_sand.world.build import EARTH
 from taichi_sand.world.extras import hand
@@ -47,9 +49,9 @@ def pour(stroke: Stroke) -> None:
 def _add(stroke: Stroke, darts: int, reach: float, velocity: Any) -> None:
     """New grains in a circle around the hand where nothing is in their way."""
     session, sim = stroke.session, stroke.sim
-    room = edit.room(sim.world)
+    room = MOST_GRAINS - sim.count
     if room <= 0:
-        raise SandError(f"there is no room for more than {sim.count} grains in this window; destroy some first")
+        raise SandError(f"there cannot be more than {MOST_GRAINS} grains; destroy some first")
     brush, rng = session.brush, session.rng
     sizes = np.sort([brush.low, brush.high]) * 0.5 * sim.bed.diameter
     radius = rng.uniform(*sizes, darts)
@@ -188,27 +190,52 @@ class Tool:
     inverse: str = ""  # what the right button does instead
     uses: tuple[str, ...] = ("size",)  # the numbers of the brush that it goes by
     finish: Callable[[Stroke], None] | None = None  # at the end of a stroke
+    follows: bool = False  # works all along the way of the hand, not only where it is at a frame
+    needs: tuple[str, str] = ("", "")  # the effect without which it can do nothing, and what it does then
 
 
-MADE = ("size", "low", "high", "spin")
+def check_need(session: Any, tool: Tool) -> None:
+    """SandError, and what would help is offered, where an effect is off without which a tool can do nothing."""
+    name, purpose = tool.needs
+    if not name or name in session.sim.effects:
+        return
+    solvers = effects.find(name).solvers
+    if session.sim.scene.solver.kind not in solvers:
+        session.offer = (f"switch to {solvers[0]}", ["solver", solvers[0]])
+        raise SandError(f"switch to the solver {solvers[0]} and then on {name} to {purpose}")
+    session.offer = (f"switch on {name}", ["effect", name, True])
+    raise SandError(f"switch on {name} to {purpose}")
+
+
+MADE, STRONG = ("size", "low", "high", "spin"), ("size", "strength")
+WET, DRY = ("moisture", "wet grains"), ("moisture", "dry grains")
+POUR, DRAIN, WAVE = ("water", "pour water"), ("water", "drain it"), ("water", "make waves")
 TOOLS = {
     tool.name: tool
     for tool in (
         Tool("grab", "1", "hold the grain under the cursor by a spring, drag it, throw it", grab, uses=("size", "grip")),
         Tool("create", "2", "fill the brush with grains, never inside others (right button: destroy)", create, "destroy", MADE),
-        Tool("destroy", "3", "take out the grains under the brush (right button: create)", destroy, "create"),
+        Tool("destroy", "3", "take out the grains under the brush (right button: create)", destroy, "create", follows=True),
         Tool("pour", "4", "pour grains while the button is held (right button: destroy)", pour, "destroy", MADE),
-        Tool("stir", "5", "drag along what is under the brush", stir, uses=("size", "strength")),
-        Tool("attract", "6", "pull grains towards the cursor (right button: repel)", attract, "repel", ("size", "strength")),
-        Tool("repel", "7", "push grains away from the cursor (right button: attract)", repel, "attract", ("size", "strength")),
-        Tool("freeze", "8", "hold the grains under the brush in place (right button: thaw)", freeze, "thaw"),
-        Tool("thaw", "9", "let held grains go (right button: freeze)", thaw, "freeze"),
-        Tool("wall", "0", "draw a wall (right button: erase)", wall_tools.draw, "erase", (), wall_tools.build),
-        Tool("erase", "e", "rub out walls under the brush (right button: draw one)", wall_tools.erase, "wall"),
-        Tool("wet", "w", "pour water on the grains under the brush (right button: dry)", wet, "dry", ("size", "strength")),
-        Tool("dry", "d", "take water out of the grains under the brush (right button: wet)", dry, "wet", ("size", "strength")),
-        Tool("water", "o", "pour water that flows (right button: drain)", pour_water, "drain"),
-        Tool("drain", "q", "take out the water that flows under the brush (right button: water)", drain_water, "water"),
-        Tool("wave", "j", "sweep the water under the brush along (right button: drain)", sweep_water, "drain", ("size", "strength")),
+        Tool("stir", "5", "drag along what is under the brush", stir, uses=STRONG),
+        Tool("attract", "6", "pull grains towards the cursor (right button: repel)", attract, "repel", STRONG),
+        Tool("repel", "7", "push grains away from the cursor (right button: attract)", repel, "attract", STRONG),
+        Tool("freeze", "8", "hold the grains under the brush in place (right button: thaw)", freeze, "thaw", follows=True),
+        Tool("thaw", "9", "let held grains go (right button: freeze)", thaw, "freeze", follows=True),
+        Tool("wall", "0", "draw a wall (right button: erase)", wall_tools.draw, "erase", (), wall_tools.build, True),
+        Tool("erase", "e", "rub out walls under the brush (right button: draw one)", wall_tools.erase, "wall", follows=True),
+        Tool("wet", "w", "pour water on the grains under the brush (right button: dry)", wet, "dry", STRONG, follows=True, needs=WET),
+        Tool("dry", "d", "take water out of the grains under the brush (right button: wet)", dry, "wet", STRONG, follows=True, needs=DRY),
+        Tool("water", "o", "pour water that flows (right button: drain)", pour_water, "drain", follows=True, needs=POUR),
+        Tool(
+            "drain",
+            "q",
+            "take out the water that flows under the brush (right button: water)",
+            drain_water,
+            "water",
+            follows=True,
+            needs=DRAIN,
+        ),
+        Tool("wave", "j", "sweep the water under the brush along (right button: drain)", sweep_water, "drain", STRONG, needs=WAVE),
     )
 }

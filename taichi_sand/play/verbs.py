@@ -6,9 +6,10 @@ from typing import Any
 
 from taichi_sand.errors import SandError
 from taichi_sand.play import calls, transfer
+from taichi_sand.play.chapter import Chapter
 from taichi_sand.play.snapshot import from_bytes
 from taichi_sand.play.stroke import Stroke
-from taichi_sand.play.tools import TOOLS
+from taichi_sand.play.tools import TOOLS, check_need
 from taichi_sand.run import live
 from taichi_sand.scene.schema import Scene
 from taichi_sand.view.views import check_view
@@ -20,14 +21,23 @@ def _set(session: Any, key: str, value: float) -> None:
     knob = next((k for k in session.knobs() if k.key == key), None)
     if knob is None:
         raise SandError(f"there is nothing called {key} to be changed here")
-    low, high = knob.span(session.opened)
-    value = min(high, max(low, float(value)))
+    value = knob.bounded(float(value), session.opened)
     if key == "time":
         session.speed = value
     elif key.startswith("tool."):
         setattr(session.brush, key[5:], value)
     else:
+        before = session.value(key)
         session.sim.set(key, value, unphysical=session.opened)
+        if knob.physical(before) and not knob.physical(value):
+            session.physical[key] = before
+
+
+def _default(session: Any, key: str) -> None:
+    """Back to what the scene says."""
+    knob = next((k for k in session.knobs() if k.key == key), None)
+    if knob is not None and knob.home is not None:
+        _set(session, key, knob.home)
 
 
 def _mark(session: Any) -> None:
@@ -50,14 +60,13 @@ def _redo(session: Any) -> None:
 
 def _reset(session: Any) -> None:
     _mark(session)
-    session.go_to(session.start)
+    session.go_to(session.chapter.start)
 
 
 def _solver(session: Any, kind: str) -> None:
     scene = session.sim.scene
     if kind == scene.solver.kind:
         return
-    _mark(session)
     session.become(transfer.with_solver(scene, kind, session.home))
 
 
@@ -70,7 +79,6 @@ def _effect(session: Any, name: str, on: bool) -> None:
         tables[name] = session.home.effects.get(name, {})
     new = scene.model_copy(update={"effects": tables})
     effects.check(new)
-    _mark(session)
     session.become(new)
 
 
@@ -87,7 +95,8 @@ def _open_ranges(session: Any, on: bool) -> None:
     if not on and session.sim.over:
         _mark(session)
         for key in list(session.sim.over):
-            session.sim.set(key, live.read(session.sim.scene, key))
+            session.sim.set(key, session.physical.get(key, live.read(session.sim.scene, key)))
+        session.physical.clear()
 
 
 def _choose(session: Any, tool: str) -> None:
@@ -102,14 +111,31 @@ def _end(session: Any) -> None:
 
 
 def _stroke(session: Any, phase: str, x: float, y: float, vx: float = 0.0, vy: float = 0.0, other: bool = False) -> None:
+    """A stroke ends with its release, and before if its tool refuses, whatever that raises."""
     if phase == "press":
-        _mark(session)
+        _end(session)
         tool = TOOLS[session.tool]
-        session.stroke = Stroke(session, TOOLS[tool.inverse] if other and tool.inverse else tool)
-    if session.stroke:
-        session.stroke.move(phase, x, y, vx, vy)
+        tool = TOOLS[tool.inverse] if other and tool.inverse else tool
+        check_need(session, tool)
+        before = session.moment()
+        session.stroke = Stroke(session, tool)
+        _move(session, phase, x, y, vx, vy)
+        session.history.keep(before)
+    elif session.stroke:
+        _move(session, phase, x, y, vx, vy)
     if phase == "release":
         _end(session)
+
+
+def _move(session: Any, *motion: Any) -> None:
+    """The hand moves; what it cannot do ends its stroke."""
+    stroke = session.stroke
+    try:
+        stroke.move(*motion)
+    except BaseException:
+        session.stroke = None
+        stroke.let_go()
+        raise
 
 
 def _kind(session: Any, step: int) -> None:
@@ -117,13 +143,9 @@ def _kind(session: Any, step: int) -> None:
 
 
 def _open(session: Any, scene: str) -> None:
-    new, old, moment = Scene.from_json(scene), session.home, session.moment()
-    try:
-        session.open(new)
-    except SandError:  # what cannot be simulated leaves what there was, but for what could be undone
-        session.open(old)
-        session.go_to(moment)
-        raise
+    new = Scene.from_json(scene)
+    _end(session)
+    session.open(new)
 
 
 def _call(session: Any, name: str, given: dict[str, Any]) -> None:
@@ -132,12 +154,18 @@ def _call(session: Any, name: str, given: dict[str, Any]) -> None:
 
 
 def _load(session: Any, data: str) -> None:
+    """A checkpoint; one of another scene is gone on with as if that had been opened."""
     moment = from_bytes(base64.b64decode(data))
-    _mark(session)
+    before = session.moment()
+    if not live.same_box(session.home, moment.host.scene):
+        moment.chapter = Chapter(moment.host.scene)
     session.go_to(moment)
+    session.history.keep(before)
+    if moment.chapter is not None:
+        moment.chapter.start = session.moment()
 
 
 VERBS = {
-    "set": _set, "mark": _mark, "undo": _undo, "redo": _redo, "reset": _reset, "solver": _solver, "effect": _effect, "look": _look,
-    "opened": _open_ranges, "choose": _choose, "stroke": _stroke, "kind": _kind, "open": _open, "load": _load, "call": _call,
+    "set": _set, "default": _default, "mark": _mark, "undo": _undo, "redo": _redo, "reset": _reset, "solver": _solver, "effect": _effect,
+    "look": _look, "opened": _open_ranges, "choose": _choose, "stroke": _stroke, "kind": _kind, "open": _open, "load": _load, "call": _call,
 }  # fmt: skip

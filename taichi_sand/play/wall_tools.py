@@ -11,8 +11,8 @@ from taichi_sand.scene.nearby import images, near_walls, off_walls, segments
 from taichi_sand.world import edit
 from taichi_sand.world.walls.build import standing_walls
 
-STEP, FLAT = 0.25, 0.15
-"""A stroke is followed in steps of this length, and drawn by straight parts that are nowhere farther off than this [d]."""
+STEP, FLAT = 0.02, 0.15
+"""A stroke is followed in steps of at least this length, and drawn by straight parts that are nowhere farther off than this [d]."""
 SHORTEST = 0.5
 """Nothing shorter is drawn, or left over where walls are rubbed out [d]."""
 
@@ -63,7 +63,7 @@ def erase(stroke: Stroke) -> None:
     if left != list(sim.scene.walls):
         sim.set_walls(left)
     elif kept:
-        raise SandError("a wall that moves cannot be rubbed out")
+        stroke.session.message = "a wall that moves cannot be rubbed out"
 
 
 def straightened(path: np.ndarray, most: float) -> np.ndarray:

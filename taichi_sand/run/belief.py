@@ -13,6 +13,7 @@ from taichi_sand.run.host import Host
 from taichi_sand.scene.events import After, names
 from taichi_sand.solvers import choose
 from taichi_sand.solvers.bed import PAUSE, Bed
+from taichi_sand.world.flags import SENTENCES
 
 EQUAL = 1e-5
 """How nearly numbers are the same that are kept with 32 bits, or were worked out on another machine."""
@@ -47,6 +48,11 @@ def check(sim: Any, record: Host, fresh: Mapping[str, np.ndarray], stored: Mappi
         if not live.beyond(record.scene, key, value):
             raise SandError(f"{key} = {value:g} is not beyond what a scene may have")
     check_stages(record)
+    for kind, moments in record.flagged.items():
+        if kind not in map(str, SENTENCES) or not isinstance(moments, list) or len(moments) != 2:
+            raise SandError(f"flagged {show(kind)} = {show(moments)} is no flag")
+        for value in moments:
+            number(f"flagged {kind}", value)
     if set(record.due) != set(sim.due):
         raise SandError("it says of other effects when they act")
     for name, due in record.due.items():

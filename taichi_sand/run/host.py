@@ -23,6 +23,7 @@ class Host:
     owed: float  # time that was asked for and not simulated yet [s]: less than half a step; below 0 = more was simulated
     made: int  # grains, those of the start included
     removed: int  # grains, by hand
+    flagged: dict[str, list[float]]  # of flags, by their kinds: when they were first raised [s], and the speed cap there was [m/s]
     due: dict[str, int]  # steps after which effects that pace themselves act next, by name
     stages: Stages  # what has come of its events
 

@@ -115,6 +115,13 @@ def structure(scene: Scene) -> str:
     return json.dumps([solver.kind, solver.law, solver.integrator, solver.k_d is None, solver.precision, fixed])
 
 
+def same_box(one: Scene, other: Scene) -> bool:
+    """Whether two scenes are of the same box, grains and sources, and differ at most in what may change while they are simulated, in
+    solver and effects.
+    """
+    return all(name in FREE or getattr(one, name) == getattr(other, name) for name in Scene.model_fields)
+
+
 def check_live(now: Scene, new: Scene) -> None:
     """SandError if `new` differs from `now` in more than what may change while it runs."""
     effects.check(new)

@@ -9,7 +9,7 @@ from taichi_sand.run.entry import reads
 from taichi_sand.solvers.bed import Bed
 from taichi_sand.solvers.tolerance import TOO_SOFT, softness
 from taichi_sand.world import sources
-from taichi_sand.world.flags import sentences
+from taichi_sand.world.flags import note, sentences
 from taichi_sand.world.reading import read_columns
 from taichi_sand.world.tables import World
 
@@ -29,6 +29,7 @@ class Readings:
     numbers: dict[str, float]
     made: int
     removed: int
+    flagged: dict[str, list[float]]
     epoch: tuple[int, float]
     step: float
     clock: Clock
@@ -94,8 +95,12 @@ class Readings:
     @reads
     def flags(self) -> list[str]:
         """What went wrong so far, a sentence each; empty when all is well."""
-        found = sentences(self.world.flags, self._time_of, self.numbers["speed_cap"])
-        return found + sources.late(self.scene, self.world, self.stages.flows, self.poured)
+        self.note_flags()
+        return sentences(self.world.flags, self.flagged) + sources.late(self.scene, self.world, self.stages.flows, self.poured)
+
+    def note_flags(self) -> None:
+        """Keeps of flags when they were first raised, and at which speed: to be called before the step changes."""
+        note(self.world.flags, self.flagged, self._time_of, self.numbers["speed_cap"])
 
     @property
     def poured(self) -> float:

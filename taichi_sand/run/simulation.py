@@ -91,7 +91,7 @@ class Simulation(Instrument, Growing, Tuning, Watering, Steering, Staged, Callin
             if self.first_walls != scene.walls:
                 change_walls(self.world, scene.model_copy(update={"walls": self.first_walls}), scene)
             self.made, self.removed = len(grains.radius), 0
-            self.steps, self.epoch, self.owed = 0, (0, 0.0), 0.0
+            self.steps, self.epoch, self.owed, self.flagged = 0, (0, 0.0), 0.0, {}
             self._start_steps()
 
     def _lay(self, grains: Any, hand: bool) -> None:
@@ -270,6 +270,7 @@ class Simulation(Instrument, Growing, Tuning, Watering, Steering, Staged, Callin
         bed = replace(bed, **effect_modules.bed(effect_modules.check(scene), self.world))
         numbers = choose(scene.solver.kind).numbers(scene, bed)
         check_speeds(scene, numbers["speed_cap"])
+        self.note_flags()
         self.epoch = (self.steps, self.time)
         before = self.numbers
         self.scene, self.bed, self.numbers, self.over = scene, bed, numbers, over

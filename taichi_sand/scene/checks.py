@@ -73,10 +73,10 @@ def grains(table: Any) -> None:
         region(table.region)
 
 
-def region(box: tuple[float, float, float, float]) -> None:
+def region(box: tuple[float, float, float, float], name: str = "region") -> None:
     """Its corners in order."""
     if not (box[0] < box[2] and box[1] < box[3]):
-        raise Wrong("region", f" = {show(box)} must be [x0, y0, x1, y1] with x0 < x1 and y0 < y1")
+        raise Wrong(name, f" = {show(box)} must be [x0, y0, x1, y1] with x0 < x1 and y0 < y1")
 
 
 def water(table: Any) -> None:

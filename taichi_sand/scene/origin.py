@@ -2,7 +2,7 @@
 
 from typing import Any
 
-PLACES = ("region", "points", "pivot", "positions", "to")
+PLACES = ("region", "points", "pivot", "positions", "to", "window")
 """Keys of a scene, in whatever table, that hold places: x, y, or several such, or with more numbers behind.
 Of a dotted key it is the last word that tells."""
 

@@ -24,6 +24,7 @@ class Parameter:
     high: float | None = None
     choices: tuple[str, ...] | None = None
     live: bool = True  # may change while the simulation runs
+    decades: bool = False  # a change by a factor matters, not by a sum: its slider is logarithmic
 
     def wrong(self, value: Any) -> str:
         """Returns what is allowed if `value` is not, else ""."""

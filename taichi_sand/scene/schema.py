@@ -156,8 +156,16 @@ class View(Table):
     force_chains: Switch = key(False, "draws the contact forces as lines between dimmed grains")
     cold: str = key("#2B5DA8", 'color = "energy": the lowest', pattern=r"^#[0-9a-fA-F]{6}$")
     hot: str = key("#F2542D", 'color = "energy": the highest', pattern=r"^#[0-9a-fA-F]{6}$")
+    ground: Literal["dark", "light"] = key("dark", "what pictures are painted on; light is for slides and print")
+    window: Box | None = key(None, "[x0, y0, x1, y1]: the part of the box that pictures and films show; all of it if not given", "m")
     caption: Switch = key(True, "title, time, number of grains, solver and a scale bar")
     fps: Whole = key(30, "frames in a second of film", "1/s", ge=1, le=240)
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.window is not None:
+            checks.region(self.window, "window")
+        return self
 
 
 class Scene(Table):
@@ -229,6 +237,8 @@ class Scene(Table):
             wall["points"] = [[length * x, length * y] for x, y in wall["points"]]
             if wall.get("pivot"):
                 wall["pivot"] = [length * x for x in wall["pivot"]]
+        if data.get("view", {}).get("window"):
+            data["view"]["window"] = [length * side for side in data["view"]["window"]]
         for event in data.get("events", ()):
             places = {name: [length * x for x in value] for name, value in event.get("set", {}).items() if name.endswith(".pivot")}
             event["set"] = {**event.get("set", {}), **places}

@@ -5,6 +5,8 @@ follows it. The steps themselves are first called when a simulation is made, for
 """
 
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from taichi.lang.kernel_impl import Kernel
@@ -14,7 +16,10 @@ from taichi_sand.taichi_support.host_access import PLAIN
 
 spent = {"seconds": 0.0}
 """What first calls have taken in this process, of kernels from the cache on disk too [s]."""
-call = Kernel.__call__
+call, materialize = Kernel.__call__, Kernel.materialize
+listeners: list[Callable[[str], None]] = []
+"""Are told the name of every kernel that is about to be compiled, the last only; what it raises comes out of the call of the kernel, which
+is then not compiled."""
 
 
 def seconds() -> float:
@@ -37,9 +42,26 @@ def timed(self: Kernel, *args: Any, **kwargs: Any) -> Any:
     return found
 
 
+def told(self: Kernel, key: Any = None, args: Any = None, arg_features: Any = None) -> None:
+    """In place of `Kernel.materialize`."""
+    if listeners and key is not None and key not in self.compiled_kernels:
+        listeners[-1](self.func.__name__)
+    materialize(self, key, args, arg_features)
+
+
+@contextmanager
+def heard_by(listener: Callable[[str], None]) -> Iterator[None]:
+    """While `listener` is told of every kernel that is about to be compiled."""
+    listeners.append(listener)
+    try:
+        yield
+    finally:
+        listeners.remove(listener)
+
+
 def watch() -> None:
     """Times what is compiled from now on in this process, and starts quickly what is; unless PLAIN: then only what a simulation compiles
     as it is made is known.
     """
     if not PLAIN:
-        Kernel.__call__ = timed
+        Kernel.__call__, Kernel.materialize = timed, told

@@ -84,8 +84,7 @@ def start(user: Any, arch: str, threads: int | None, precision: int) -> Any:
 def renew(arch: str, threads: int | None, precision: int) -> None:
     """Starts Taichi afresh if it must be, or is full of what nobody uses any more; SandError if it must be and cannot."""
     wrong = misfit(arch, threads if threads or alive or not state.ours else cores(), precision)
-    full = state.stale or field_pool.pool.numbers > ROOM or compiled() > MOST_KERNELS
-    if not wrong and (alive or not full):
+    if not wrong and (alive or not full()):
         return
     if alive:
         raise SandError(
@@ -153,6 +152,11 @@ def check(program: Any) -> None:
 def compiled() -> int:
     """Kernels compiled since Taichi was started."""
     return impl.get_runtime().get_num_compiled_functions()
+
+
+def full() -> bool:
+    """Whether fields and kernels have taken as much memory as they may before Taichi is started afresh."""
+    return state.stale or field_pool.pool.numbers > ROOM or compiled() > MOST_KERNELS
 
 
 def on_gpu() -> bool:

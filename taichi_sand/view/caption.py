@@ -9,17 +9,14 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
 from taichi_sand.view import palette
 from taichi_sand.view.kernels import paint_tiles
 from taichi_sand.view.paint import REFERENCE_WIDTH, WALL_WIDTH, Legend
+from taichi_sand.view.text import LINE_SIZE, TITLE_SIZE, Placed, in_lines, number_text, shortened, text_tile
 
-TITLE_SIZE, LINE_SIZE = 17, 12
-"""Heights of the text [px] in a picture REFERENCE_WIDTH wide; they follow the width within LEAST .. MOST."""
 LEAST, MOST = 0.7, 2.0
-WORD_GAP = 0.3
-"""Words are at least this much of the height of the text apart; the font's own space is hard to see in small text."""
 MARGIN = 16
 LINE_STEP = 18
 BETWEEN = "  ·  "
@@ -27,53 +24,35 @@ BAR_SHARE = 0.1
 """The scale bar is the largest round length that is not above this part of the picture's width."""
 BAR_LEAST_WIDTH = 240
 """Narrower pictures [px] have no scale bar."""
-LEGEND_WIDTH, LEGEND_HEIGHT = 96, 6
+LEGEND_WIDTH, LEGEND_HEIGHT, LEAST_LEGEND = 96, 6, 40
 SHADE = 0.72
 """How much of what lies under the text is hidden, so that it can be read over grains."""
 
+ARROW_HIGH = 11
+"""Height of an arrow that shows what arrows stand for [px]."""
 SHADE_STEP = 32
 """The patch under the text grows by so many pixels, so that it does not follow every digit."""
 
-Placed = tuple[int, int, np.ndarray]
-"""A tile and where its left upper corner lies [px]."""
-
 
 @lru_cache(maxsize=16)
-def font_of(size: int) -> ImageFont.FreeTypeFont:
-    """The font that comes with Pillow, so that captions look alike everywhere."""
-    font = ImageFont.load_default(size)
-    assert isinstance(font, ImageFont.FreeTypeFont)
-    return font
-
-
-@lru_cache(maxsize=1024)
-def spaced(text: str, size: int) -> tuple[list[int], int]:
-    """Where the words of a line begin, and how wide it is [px]."""
-    font, x, starts = font_of(size), 0.0, []
-    gap = max(WORD_GAP * size, font.getlength(" "))
-    for word in text.split(" "):
-        starts.append(round(x))
-        x += font.getlength(word) + gap
-    return starts, max(1, math.ceil(x - gap))
-
-
-@lru_cache(maxsize=512)
-def text_tile(text: str, size: int, colour: str) -> np.ndarray:
-    """Text in one colour on nothing; its own width, the height of a line."""
-    font, (starts, width) = font_of(size), spaced(text, size)
-    mask = Image.new("L", (width, size + size // 3))
-    for start, word in zip(starts, text.split(" "), strict=True):
-        ImageDraw.Draw(mask).text((start, 0), word, font=font, fill=255)
-    return (np.asarray(mask, np.uint32) << 24) | np.uint32(palette.packed(colour))
-
-
-@lru_cache(maxsize=16)
-def shade_tile(width: int, height: int, soft: int) -> np.ndarray:
+def shade_tile(width: int, height: int, soft: int, ground: str = palette.GROUND) -> np.ndarray:
     """A patch of the ground colour that fades out over its last `soft` pixels to the sides and below."""
     across = np.minimum(np.arange(width) + 0.5, np.arange(width, 0, -1) - 0.5) / soft
     down = (np.arange(height, 0, -1) - 0.5) / soft
     cover = SHADE * np.minimum(1.0, down)[:, None] * np.minimum(1.0, across)
-    return (np.rint(255 * cover).astype(np.uint32) << 24) | np.uint32(palette.packed(palette.GROUND))
+    return (np.rint(255 * cover).astype(np.uint32) << 24) | np.uint32(palette.packed(ground))
+
+
+@lru_cache(maxsize=16)
+def arrow_tile(length: int, colour: str) -> np.ndarray:
+    """An arrow to the right."""
+    mask = Image.new("L", (4 * length, 4 * ARROW_HIGH))
+    draw, tip, middle = ImageDraw.Draw(mask), 4 * length - 3, 2 * ARROW_HIGH
+    head = min(1.6 * ARROW_HIGH, 0.5 * tip)
+    for start in ((0, middle), (tip - head, middle - 0.6 * head), (tip - head, middle + 0.6 * head)):
+        draw.line([start, (tip, middle)], fill=255, width=6)
+    small = np.asarray(mask.resize((length, ARROW_HIGH), Image.Resampling.BOX), np.uint32)
+    return (small << 24) | np.uint32(palette.packed(colour))
 
 
 def solid_tile(width: int, height: int, colours: np.ndarray | int) -> np.ndarray:
@@ -95,45 +74,52 @@ def length_text(metres: float) -> str:
     return f"{metres * 1e3:.4g} mm"
 
 
-def number_text(value: float) -> str:
-    """Three digits, without an exponent where that can be read."""
-    if not math.isfinite(value):
-        return str(value)
-    if value == 0 or 1e-3 <= abs(value) < 1e5:
-        return f"{float(f'{value:.3g}'):.10g}"
-    digits, power = f"{value:.1e}".split("e")
-    return f"{digits}e{int(power)}"
-
-
 class Caption:
-    """Lays captions over canvases of one size. `scale`: px/m; `least`: smallest size of the text, over that of LINE_SIZE."""
+    """Lays captions over canvases of one size. `scale`: px/m; `size`: of the text over that of TITLE_SIZE and LINE_SIZE, by default as the
+    picture is wide; `ground`: what it is painted on.
+    """
 
-    def __init__(self, width: int, height: int, scale: float, least: float = LEAST) -> None:
-        self.width, self.height = width, height
-        self.size = min(MOST, max(least, width / REFERENCE_WIDTH))
-        self.bar = round_length(BAR_SHARE * width / scale)
+    def __init__(self, width: int, height: int, scale: float, size: float | None = None, ground: str = "dark") -> None:
+        self.width, self.height, self.ground = width, height, palette.GROUNDS[ground]
+        self.size = size or min(MOST, max(LEAST, width / REFERENCE_WIDTH))
+        self.rescale(scale)
+
+    def rescale(self, scale: float) -> None:
+        """The picture shows a metre as `scale` pixels now."""
+        self.bar = round_length(BAR_SHARE * self.width / scale)
         self.bar_width = round(self.bar * scale)
 
-    def draw(self, canvas: np.ndarray, title: str, facts: Sequence[str], legend: Legend | None) -> None:
-        """Lays the caption over `canvas`; `facts` stand in one line, or in more where the picture is too narrow."""
-        margin, step = self._px(MARGIN), self._px(LINE_STEP)
-        right = self._scale_tiles(margin) if self.width >= BAR_LEAST_WIDTH else []
-        room = min([self.width] + [x for x, _, _ in right]) - 2 * margin
-        tiles: list[Placed] = []
-        y = self._px(0.7 * MARGIN)
-        if title:
-            tiles.append((margin, y, text_tile(title, self._px(TITLE_SIZE), palette.TEXT)))
-            y += self._px(LINE_STEP + 6)
-        for line in self._lines(facts, room):
-            tiles += self._row(line, margin, y)
-            y += step
-        if legend:
-            tiles += self._legend_tiles(legend, margin, y)
-            y += step
-        laid = [*self._backed(tiles), *self._backed(right)]
+    def draw(
+        self, canvas: np.ndarray, title: str, facts: Sequence[str], legend: Legend | None, arrows: Sequence[tuple[str, float, str]] = ()
+    ) -> int:
+        """Lays the caption over `canvas`; `facts` stand in one line, or in more where the picture is too narrow. `arrows`: colour, length
+        [px] and meaning of what is drawn as arrows. Returns where it ends [px].
+        """
+        parts = self.parts(title, facts, legend, arrows)
+        laid = [tile for part in parts for tile in self._backed(part)]
         spans = np.array([(x, y, tile.shape[1], tile.shape[0]) for x, y, tile in laid], np.int32).reshape(-1, 4)
         if laid:
             paint_tiles(canvas, self.width, self.height, spans, np.concatenate([tile.ravel() for _, _, tile in laid]))
+        return max((y + tile.shape[0] for part in parts for _, y, tile in part), default=0)
+
+    def parts(
+        self, title: str, facts: Sequence[str], legend: Legend | None, arrows: Sequence[tuple[str, float, str]] = ()
+    ) -> tuple[list[Placed], list[Placed]]:
+        """The tiles of the text at the left, and of the scale bar and arrows at the right; none lies on another."""
+        margin, step = self._px(MARGIN), self._px(LINE_STEP)
+        right = self._scale_tiles(margin) + self._arrow_tiles(margin, arrows) if self.width >= BAR_LEAST_WIDTH else []
+        room = min([self.width] + [x for x, _, _ in right]) - 2 * margin
+        tiles: list[Placed] = []
+        y = self._px(0.7 * MARGIN)
+        for line in in_lines(title, self._px(TITLE_SIZE), room) if title else []:
+            tiles.append((margin, y, text_tile(line, self._px(TITLE_SIZE), self.ground.text)))
+            y += self._px(LINE_STEP + 6)
+        for row in self._lines([shortened(fact, self._px(LINE_SIZE), room) for fact in facts], room):
+            tiles += self._row(row, margin, y)
+            y += step
+        if legend:
+            tiles += self._legend_tiles(legend, margin, y, room)
+        return tiles, right
 
     def _px(self, length: float) -> int:
         """Whole pixels of a length that is meant for a picture REFERENCE_WIDTH wide."""
@@ -141,7 +127,7 @@ class Caption:
 
     def _tile(self, text: str) -> np.ndarray:
         """Tile of dim text."""
-        return text_tile(text, self._px(LINE_SIZE), palette.DIM_TEXT)
+        return text_tile(text, self._px(LINE_SIZE), self.ground.dim)
 
     def _lines(self, facts: Sequence[str], room: int) -> list[list[str]]:
         """Facts dealt to lines that fit into `room` pixels."""
@@ -166,15 +152,19 @@ class Caption:
                 x += placed[-1][2].shape[1]
         return placed
 
-    def _legend_tiles(self, legend: Legend, x: int, y: int) -> list[Placed]:
-        """Name of the view, and its colours between the ends of the range."""
-        wide, high, gap = self._px(LEGEND_WIDTH), self._px(LEGEND_HEIGHT), self._px(8)
+    def _legend_tiles(self, legend: Legend, x: int, y: int, room: int) -> list[Placed]:
+        """Name of the view, and its colours between the ends of the range: shorter, and below the name, where there is no room."""
+        high, gap, start = self._px(LEGEND_HEIGHT), self._px(8), x
+        name, low, top = (self._tile(text) for text in (legend.name, "0", f"{number_text(legend.top)} {legend.unit}".rstrip()))
+        placed = [(x, y, name)]
+        ends = low.shape[1] + top.shape[1] + 2 * gap
+        if name.shape[1] + gap + ends + LEAST_LEGEND <= room:
+            x += name.shape[1] + gap
+        else:
+            y += self._px(LINE_STEP)
+        wide = max(1, min(self._px(LEGEND_WIDTH), room - ends - (x - start)))
         shown = legend.colours[np.linspace(0, len(legend.colours) - 1, wide).round().astype(int)]
-        parts = [self._tile(legend.name), self._tile("0"), solid_tile(wide, high, shown)]
-        parts.append(self._tile(f"{number_text(legend.top)} {legend.unit}".rstrip()))
-        placed = []
-        for part in parts:
-            drop = self._px(0.62 * LINE_SIZE) - high // 2 if part is parts[2] else 0
+        for part, drop in ((low, 0), (solid_tile(wide, high, shown), self._px(0.62 * LINE_SIZE) - high // 2), (top, 0)):
             placed.append((x, y + drop, part))
             x += part.shape[1] + gap
         return placed
@@ -184,8 +174,18 @@ class Caption:
         label = self._tile(length_text(self.bar))
         wide = max(self.bar_width, label.shape[1])
         middle, y = self.width - margin - wide // 2, self._px(1.3 * MARGIN)
-        bar = solid_tile(self.bar_width, self._px(2), palette.packed(palette.TEXT))
+        bar = solid_tile(self.bar_width, self._px(2), palette.packed(self.ground.text))
         return [(middle - self.bar_width // 2, y, bar), (middle - label.shape[1] // 2, y + self._px(7), label)]
+
+    def _arrow_tiles(self, margin: int, arrows: Sequence[tuple[str, float, str]]) -> list[Placed]:
+        """An arrow and what it stands for, one below the other, under the scale bar."""
+        placed, y = [], self._px(1.3 * MARGIN + 7 + LINE_STEP)
+        for colour, length, text in arrows:
+            label, shaft = self._tile(text), arrow_tile(min(round(length), self.width // 4), colour)
+            x = self.width - margin - label.shape[1]
+            placed += [(x, y, label), (x - shaft.shape[1] - self._px(6), y + (label.shape[0] - shaft.shape[0]) // 2, shaft)]
+            y += self._px(LINE_STEP)
+        return placed
 
     def _backed(self, tiles: Sequence[Placed]) -> list[Placed]:
         """Tiles, and before them the patch that keeps them legible."""
@@ -197,4 +197,4 @@ class Caption:
         wide = SHADE_STEP * math.ceil((right - left) / SHADE_STEP)
         edge = math.ceil(WALL_WIDTH * self.width / REFERENCE_WIDTH)
         start = left if left < self.width // 2 else right - wide - edge
-        return [(max(start, edge), edge, shade_tile(wide, bottom, soft)), *tiles]
+        return [(max(start, edge), edge, shade_tile(wide, bottom, soft, self.ground.colour)), *tiles]

@@ -124,11 +124,21 @@ def list_disc(
 
 @ti.kernel
 def place_discs(
-    w: ti.template(), scale: ti.f32, width: ti.i32, height: ti.i32, discs: Rows, owner: Integers, bands: Spans, parts: Integers
+    w: ti.template(),
+    scale: ti.f32,
+    left: ti.f32,
+    low: ti.f32,
+    width: ti.i32,
+    height: ti.i32,
+    discs: Rows,
+    owner: Integers,
+    bands: Spans,
+    parts: Integers,
 ):
-    """Lists the discs that can be seen: x, y, radius, angle; which grain each shows, and which disc of it; for each band of columns the
-    first one and the one after the last. A grain that reaches over a periodic edge is listed on both sides; one of several discs has no
-    spoke. In the layout "cells" every grain has rows of its own, and those that it does not need show nobody.
+    """Lists the discs that can be seen in a picture whose lower left corner is (left, low) [px] from that of the box: x, y, radius, angle;
+    which grain each shows, and which disc of it; for each band of columns the first one and the one after the last. A grain that reaches
+    over a periodic edge is listed on both sides; one of several discs has no spoke. In the layout "cells" every grain has rows of its own,
+    and those that it does not need show nobody.
     """
     ti.loop_config(serialize=True)
     for s in range(bands.shape[0]):
@@ -137,13 +147,13 @@ def place_discs(
         for k in range(owner.shape[0]):
             owner[k] = NOBODY
         for i in range(w.count[None]):
-            place_grain(w, i, i * (owner.shape[0] // w.capacity), scale, width, height, discs, owner, bands, parts)
+            place_grain(w, i, i * (owner.shape[0] // w.capacity), scale, left, low, width, height, discs, owner, bands, parts)
     else:
         ti.loop_config(serialize=True)
         for _ in range(1):
             row = 0
             for i in range(w.count[None]):
-                row = place_grain(w, i, row, scale, width, height, discs, owner, bands, parts)
+                row = place_grain(w, i, row, scale, left, low, width, height, discs, owner, bands, parts)
 
 
 @ti.func
@@ -152,6 +162,8 @@ def place_grain(
     i,
     row,
     scale,
+    left,
+    low,
     width,
     height,
     discs: ti.template(),
@@ -177,8 +189,8 @@ def place_grain(
                 if ti.static(w.sheared):
                     ahead = up * (w.shear[None].offset + w.shear[None].slid)
                     ahead -= ti.floor((place.x + ahead) / size.x) * size.x
-                x = ti.cast(place.x + one.x + ahead + across * size.x, ti.f32) * scale
-                y = ti.cast(height, ti.f32) - ti.cast(place.y + one.y + up * size.y, ti.f32) * scale
+                x = ti.cast(place.x + one.x + ahead + across * size.x, ti.f32) * scale - left
+                y = ti.cast(height, ti.f32) + low - ti.cast(place.y + one.y + up * size.y, ti.f32) * scale
                 next_row = list_disc(next_row, i, k, x, y, r, angle, width, height, discs, owner, bands, parts)
     return next_row
 
@@ -216,18 +228,19 @@ def list_line(k, x, y, way, force, lines: ti.template(), forces: ti.template()):
 
 
 @ti.kernel
-def place_forces(w: ti.template(), scale: ti.f32, height: ti.i32, lines: Rows, forces: Numbers) -> ti.i32:
+def place_forces(w: ti.template(), scale: ti.f32, left: ti.f32, low: ti.f32, height: ti.i32, lines: Rows, forces: Numbers) -> ti.i32:
     """Lists the contacts that push, as lines from centre to centre, or to the wall, and their normal forces. Their number."""
     placed = 0
     ti.loop_config(serialize=True)
     for _ in range(1):
+        corner = ti.Vector([left, ti.cast(height, ti.f32) + low])
         for b in range(block_count(w)):
             for p in range(w.blocks.pair_start[b], w.blocks.pair_end[b]):
                 if w.pairs.force[p].x > 0.0:
-                    placed = list_force(w, p, scale, height, lines, forces, placed, False)
+                    placed = list_force(w, p, scale, corner, lines, forces, placed, False)
             for p in range(w.blocks.wall_start[b], w.blocks.wall_end[b]):
                 if w.pairs.force[p].x > 0.0:
-                    placed = list_force(w, p, scale, height, lines, forces, placed, True)
+                    placed = list_force(w, p, scale, corner, lines, forces, placed, True)
     return placed
 
 
@@ -241,17 +254,19 @@ def centre(w: ti.template(), p, i, second: ti.template()):
 
 
 @ti.func
-def list_force(w: ti.template(), p, scale, height, lines: ti.template(), forces: ti.template(), k, wall: ti.template()):
-    """Lists pair p, twice if it reaches over a periodic edge. Returns the next row."""
+def list_force(w: ti.template(), p, scale, corner, lines: ti.template(), forces: ti.template(), k, wall: ti.template()):
+    """Lists pair p, twice if it reaches over a periodic edge. Returns the next row. `corner`: x of the left edge of the picture [px], and y
+    of the floor of the box.
+    """
     force = ti.cast(w.pairs.force[p].x, ti.f32)
     length = ti.cast(w.pairs.contact_distance[p] + w.pairs.gap[p], ti.f32) * scale
     way = length * ti.cast(w.pairs.normal[p], ti.f32)
     start = ti.cast(centre(w, p, w.pairs.first[p], False), ti.f32) * scale
-    row = list_line(k, start.x, height - start.y, way, force, lines, forces)
+    row = list_line(k, start.x - corner.x, corner.y - start.y, way, force, lines, forces)
     if ti.static(not wall and (w.periodic[0] or w.periodic[1])):
         end = ti.cast(centre(w, p, w.pairs.second[p], True), ti.f32) * scale
         if (end - start - way).norm() > 0.5 * length + 1.0:
-            row = list_line(row, end.x, height - end.y, -way, force, lines, forces)
+            row = list_line(row, end.x - corner.x, corner.y - end.y, -way, force, lines, forces)
     return row
 
 

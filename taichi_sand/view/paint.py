@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sand.errors import SandError
-from taichi_sand.view import fringes, kernels, palette
+from taichi_sand.view import fringes, kernels, palette, wet
+from taichi_sand.view.camera import Camera, picture_height
 from taichi_sand.view.fringes import Fringes
 from taichi_sand.view.scales import Scales
 from taichi_sand.view.views import KIND, PHOTOELASTIC, VIEWS, check_view, quantile
@@ -20,10 +20,10 @@ WALL_WIDTH = 2.0
 CHAIN_WIDTHS = (0.4, 4.6)
 CHAIN_WIDEST_GRAIN = (0.25, 0.9)
 """The widest chains are at least and at most this part of a mean grain's diameter."""
-MOST_HEIGHT = 16384
-"""More [px] no encoder takes."""
 SPOKED = (KIND, "rotation")
 """Views in which a spoke shows how a grain is turned; in the others it would be in the way."""
+WET_VIEWS = ("moisture", "saturation")
+"""Views whose colours say how wet a grain is; in the others it is darker."""
 BOND_WIDTH = 0.12
 """Of a bar that shows a bond, in mean diameters."""
 BEHIND, OVER = 0.92, 0.18
@@ -42,25 +42,24 @@ class Legend:
     colours: np.ndarray  # the map, u32
 
 
-def picture_height(size_m: Sequence[float], width: int) -> int:
-    """Height [px] of a picture `width` wide of a box of this size [m]; even, as films want it."""
-    height = max(2, 2 * round(0.5 * width * size_m[1] / size_m[0]))
-    if height > MOST_HEIGHT:
-        raise SandError(f"view.width: {width} makes the picture {height} pixels high; at most {MOST_HEIGHT} are possible", "view.width")
-    return height
+def kind_colour(kind: int, kinds: int) -> int:
+    """Colour of a kind of grain where there are so many, u32."""
+    return palette.packed(palette.SAND[1] if kinds == 1 else palette.KINDS[kind % len(palette.KINDS)])
 
 
 def sand_tones(kinds: int) -> np.ndarray:
-    """Colours of each kind of grain. A single kind gets all tones of sand, so that its grains can be told apart."""
-    sand = np.array([palette.packed(tone) for tone in palette.SAND], np.uint32)
-    return sand if kinds == 1 else np.repeat(sand, kernels.TONES)
+    """Colours of each kind of grain, four tones each. A single kind gets all tones of sand, so that its grains can be told apart."""
+    if kinds == 1:
+        return np.array([palette.packed(tone) for tone in palette.SAND], np.uint32)
+    return np.repeat(np.array([kind_colour(kind, kinds) for kind in range(kinds)], np.uint32), kernels.TONES)
 
 
-def edge_lines(width: int, height: int, edges: Sequence[bool], thickness: float) -> np.ndarray:
-    """The edges of the picture (left, right, bottom, top) that are walls, as lines just inside it [px]; shape (n, 4)."""
+def edge_lines(left: float, top: float, right: float, bottom: float, edges: Sequence[bool], thickness: float) -> np.ndarray:
+    """The edges of a box (left, right, bottom, top) that are walls, as lines just inside it [px]; shape (n, 4)."""
     inset = 0.5 * thickness
-    right, bottom = width - inset, height - inset
-    lines = [(inset, 0, inset, height), (right, 0, right, height), (0, bottom, width, bottom), (0, inset, width, inset)]
+    within = (left + inset, right - inset, bottom - inset, top + inset)
+    lines = [(within[0], top, within[0], bottom), (within[1], top, within[1], bottom)]
+    lines += [(left, within[2], right, within[2]), (left, within[3], right, within[3])]
     return np.array([line for line, wall in zip(lines, edges, strict=True) if wall], float).reshape(-1, 4)
 
 
@@ -72,6 +71,8 @@ class Painter:
     walls: straight parts, shape (n, 4): x, y of one end, x, y of the other [m].
     edges: which edges of the box are walls: left, right, bottom, top.
     kinds: how many kinds of grains the scene has.
+    ground: what it is painted on, of palette.GROUNDS.
+    window: the part of the box that is shown, x0, y0, x1, y1 [m]; None = all of it. `look_at` shows another.
     """
 
     def __init__(
@@ -87,18 +88,21 @@ class Painter:
         walls: np.ndarray | None = None,
         edges: Sequence[bool] = (False, False, False, False),
         kinds: int = 1,
+        window: Sequence[float] | None = None,
+        ground: str = "dark",
     ) -> None:
         check_view(color, world)
         self.world, self.color, self.force_chains = world, color, force_chains
         self.sleepers, self.bonds, self.dimmed = True, True, False
-        self.width, self.height = width, picture_height(size_m, width)
-        self.scale = width / size_m[0]  # px/m
+        self.size = tuple(size_m)
+        window = window or (0.0, 0.0, *size_m)
+        self.width, self.height = width, picture_height((window[2] - window[0], window[3] - window[1]), width)
         self.enlargement = width / REFERENCE_WIDTH
         self.water: Any = None
         self.walls = np.zeros((0, 4)) if walls is None else walls
-        self.edges = edge_lines(self.width, self.height, edges, max(1.0, WALL_WIDTH * self.enlargement))
+        self.walled, self.ground = edges, palette.packed(palette.GROUNDS[ground].colour)
+        self.look_at(Camera.of(window, width))
         self.legend: Legend | None = None
-        self.chain_widths = self._chain_widths()
         self._maps = {name: palette.colour_map(view.stops) for name, view in VIEWS.items() if view.stops}
         self.set_energy_colours(cold, hot)
         self._chain_map = palette.colour_map(palette.CHAIN)
@@ -106,6 +110,29 @@ class Painter:
         self._dim = np.full(kernels.TONES, palette.packed(palette.CHAIN_GRAIN), np.uint32)
         self._scales = Scales(world)
         self._allocate()
+
+    def look_at(self, camera: Camera) -> None:
+        """Shows another part of the box."""
+        self.camera = camera
+        self.chain_widths = self._chain_widths()
+        left, low, wide, high = self.box
+        bottom = self.height + low
+        self.edges = edge_lines(-left, bottom - high, wide - left, bottom, self.walled, max(1.0, WALL_WIDTH * self.enlargement))
+
+    @property
+    def scale(self) -> float:
+        """Pixels of a metre."""
+        return self.camera.scale
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """How far the lower left corner of the box lies beyond that of the picture, to the left and below, and how wide and high it is
+        [px]; a picture of all of it has whole pixels.
+        """
+        camera, (wide, high) = self.camera, self.size
+        if (camera.x, camera.y) == (0, 0) and abs(wide * self.scale - self.width) < 1e-6 and abs(high * self.scale - self.height) <= 1:
+            return 0.0, 0.0, float(self.width), float(self.height)
+        return camera.x * self.scale, camera.y * self.scale, wide * self.scale, high * self.scale
 
     def set_energy_colours(self, cold: str, hot: str) -> None:
         """The ends of the scale of the view `energy`."""
@@ -137,17 +164,20 @@ class Painter:
         `canvas`, if given, is painted instead of the painter's own: with `ti.GUI(fast_gui=True).img` nothing is copied.
         """
         canvas = self._canvas if canvas is None else canvas
-        canvas.fill(palette.packed(palette.GROUND))
+        canvas.fill(self.ground)
         self.legend = None
         if self.water:
             self.water.look()
             self._colour_water(time)
-            self.water.paint(canvas, self.width, self.height, BEHIND)
+            self.water.paint(canvas, self.width, self.height, BEHIND, self.box)
         self._colour(time)
-        if self.sleepers and self.world.sleeps and not (self.force_chains or self.dimmed):
-            kernels.fade_sleepers(self.world, self._colours)
+        if not (self.force_chains or self.dimmed):
+            if hasattr(self.world.carried, "wetness") and self.color not in WET_VIEWS:
+                wet.darken(self.world, self._colours)
+            if self.sleepers and self.world.sleeps:
+                kernels.fade_sleepers(self.world, self._colours)
         world, size = self.world, (self.width, self.height)
-        kernels.place_discs(world, self.scale, *size, self._discs, self._owner, self._bands, self._parts)
+        kernels.place_discs(world, self.scale, *self.box[:2], *size, self._discs, self._owner, self._bands, self._parts)
         bars = self.bonds and not self.force_chains and world.linked  # they show how a body is turned
         spokes = self.color in SPOKED and not self.force_chains and not bars
         if self.color == PHOTOELASTIC and not (self.force_chains or self.dimmed):
@@ -155,7 +185,7 @@ class Painter:
         else:
             kernels.paint_discs(canvas, *size, self._discs, self._owner, self._bands, self._colours, spokes)
         if self.water:
-            self.water.paint(canvas, self.width, self.height, OVER)
+            self.water.paint(canvas, self.width, self.height, OVER, self.box)
         if self.force_chains:
             self._paint_chains(canvas, time)
         elif bars:
@@ -193,7 +223,7 @@ class Painter:
 
     def _paint_chains(self, canvas: np.ndarray, time: float) -> None:
         """Contacts as lines whose width and colour follow the normal force, the strong ones on top."""
-        found = kernels.place_forces(self.world, self.scale, self.height, self._lines, self._forces)
+        found = kernels.place_forces(self.world, self.scale, *self.box[:2], self.height, self._lines, self._forces)
         strength, top = self._scales.levels(self._forces[:found], time)
         level = np.rint(strength * (palette.ENTRIES - 1)).astype(np.uint8)
         upwards = np.argsort(level, kind="stable")
@@ -205,8 +235,7 @@ class Painter:
 
     def _paint_bonds(self, canvas: np.ndarray) -> None:
         """Bonds that hold, as bars between centres."""
-        ends = link_lines(self.world)[1] * self.scale
-        ends[:, 1::2] = self.height - ends[:, 1::2]
+        ends = self.camera.pixels(link_lines(self.world)[1], self.height)
         thickness = max(1.0, BOND_WIDTH * float(self.world.box[None].diameter) * self.scale)
         colours = np.full(len(ends), palette.packed(palette.BOND), np.uint32)
         if len(ends):
@@ -215,8 +244,7 @@ class Painter:
 
     def _paint_walls(self, canvas: np.ndarray) -> None:
         """Walls and walled edges."""
-        ends = self.walls * self.scale
-        ends[:, 1::2] = self.height - ends[:, 1::2]
+        ends = self.camera.pixels(self.walls, self.height)
         lines = np.concatenate([ends, self.edges]).astype(np.float32)
         thickness = np.full(len(lines), max(1.0, WALL_WIDTH * self.enlargement), np.float32)
         colours = np.full(len(lines), palette.packed(palette.FIXED), np.uint32)

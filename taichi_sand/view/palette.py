@@ -1,14 +1,20 @@
 """Colours of look.md, and colour maps as tables of 256 packed colours (0xRRGGBB)."""
 
 import re
+from typing import NamedTuple
 
 import numpy as np
 
 GROUND = "#14161A"
 TEXT = "#E6E8EB"
 DIM_TEXT = "#9AA3AD"
+PANEL = "#1E2229"
 FIXED = "#6C7A89"
 SAND = ("#E8C98A", "#D9B36C", "#C99B55", "#B9854A")
+KINDS = ("#E8C98A", "#4C9BE0", "#D5602B", "#2FA67E", "#C77BB0", "#F2E24B", "#8B6FE8", "#8A9A5B")
+"""Of several kinds of grains: after sand in the order and hues of Okabe and Ito (2008), so that those who see fewer colours tell them apart
+too; by their lightness as well.
+"""
 COLD = "#2B5DA8"
 HOT = "#F2542D"
 BOND = "#6B4A2B"
@@ -27,6 +33,18 @@ DRY_TO_WET = "E8C98A D9B878 C2A066 A88850 8A6A3F 6F6B62 5C7D96 4FA3D1"
 CYCLIC = "F4E3BE FFD69D FFBE76 FFA056 E9824C C8675B A5526F 854384 6E3F97 5E4BA8 5163B8 4883C6 4FA3D1 72C0D8 A1D6DA D0E3D2 F4E3BE"
 
 ENTRIES = 256
+
+
+class Ground(NamedTuple):
+    """What a picture is painted on, and the colours of text on it."""
+
+    colour: str
+    text: str
+    dim: str
+
+
+GROUNDS = {"dark": Ground(GROUND, TEXT, DIM_TEXT), "light": Ground("#FFFFFF", "#14161A", "#4A525C")}
+"""The light one is for slides and print."""
 
 
 def rgb(colour: str) -> tuple[int, int, int]:

@@ -21,7 +21,7 @@ def image(sim: Any) -> np.ndarray:
         painter.walls = wall_lines(sim)
         canvas = painter.paint(sim.time)
         if sim.scene.view.caption:
-            caption = Caption(painter.width, painter.height, painter.scale)
+            caption = Caption(painter.width, painter.height, painter.scale, ground=sim.scene.view.ground)
             caption.draw(canvas, sim.scene.title, facts(sim), painter.legend)
         return painter.rgb(canvas)
 
@@ -41,6 +41,8 @@ def painter_of(sim: Any) -> Painter:
             hot=view.hot,
             edges=[getattr(scene.edges, side) == "wall" for side in SIDES],
             kinds=max(1, len(scene.grains) + len(scene.sources)),
+            window=view.window,
+            ground=view.ground,
         )
         painter.water = water_of(sim)
     return painter

@@ -145,19 +145,25 @@ def paint_water(
     shade: Numbers,
     strength: ti.f32,
     colours: Packed,
+    left: ti.f32,
+    low: ti.f32,
+    wide: ti.f32,
+    high: ti.f32,
 ):
-    """Lays the water over the canvas; `colours` from its surface to its depth, then that of foam."""
+    """Lays the water over the canvas; `colours` from its surface to its depth, then that of foam. The box is so wide and high, and its
+    lower left corner so far beyond that of the picture [px].
+    """
     count = ti.static(band_count())
     last = colours.shape[0] - 2
     for task in range(count * CHUNK):
         if task % CHUNK == 0:
             band = task // CHUNK
             for row in range(height):
-                y = (ti.cast(height - row, ti.f32) - 0.5) / height * (rows - 1)
-                j = ti.min(rows - 2, ti.cast(y, ti.i32))
+                y = (ti.cast(height - row, ti.f32) - 0.5 + low) / high * (rows - 1)
+                j = ti.max(0, ti.min(rows - 2, ti.cast(y, ti.i32)))
                 for column in range(band * width // count, (band + 1) * width // count):
-                    x = (ti.cast(column, ti.f32) + 0.5) / width * (columns - 1)
-                    i = ti.min(columns - 2, ti.cast(x, ti.i32))
+                    x = (ti.cast(column, ti.f32) + 0.5 + left) / wide * (columns - 1)
+                    i = ti.max(0, ti.min(columns - 2, ti.cast(x, ti.i32)))
                     at = i * rows + j
                     deep = sample(level, rows, at, x - i, y - j)
                     if deep > -EDGE:
@@ -208,9 +214,11 @@ class Pool:
         """The same where the grains are, a row a slot."""
         values_at_grains(world, self.fluid, QUANTITIES.index(name), out)
 
-    def paint(self, canvas: np.ndarray, width: int, height: int, strength: float) -> None:
-        """Lays it over a canvas, with this strength, 0 … 1."""
-        paint_water(canvas, width, height, *self.shape, self.level, self.foam, self.shade, strength, self.used)
+    def paint(self, canvas: np.ndarray, width: int, height: int, strength: float, box: tuple[float, float, float, float]) -> None:
+        """Lays it over a canvas, with this strength, 0 … 1. `box`: how far its lower left corner lies beyond that of the canvas, to the
+        left and below, and how wide and high it is [px].
+        """
+        paint_water(canvas, width, height, *self.shape, self.level, self.foam, self.shade, strength, self.used, *box)
 
 
 def shades(level: np.ndarray) -> np.ndarray:

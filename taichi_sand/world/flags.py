@@ -55,11 +55,20 @@ def raise_flag(world: Any, kind: int, number: int) -> None:
     world.flags.from_numpy(rows)
 
 
-def sentences(flags: Any, time_of: Callable[[int], float], cap: float) -> list[str]:
-    """One sentence for each kind of flag raised; `time_of` turns numbers of steps into times [s], `cap` is the speed cap [m/s]."""
+def note(flags: Any, noted: dict[str, list[float]], time_of: Callable[[int], float], cap: float) -> None:
+    """Notes of every kind of flag that has been raised since the last call when that first was [s], and the speed cap there was [m/s]:
+    `time_of` turns numbers of steps into times, as long as the step is the same.
+    """
+    rows = flags.to_numpy()
+    for kind in np.flatnonzero(rows[:, 0]):
+        noted.setdefault(str(kind), [time_of(int(rows[kind, 1])), cap])
+
+
+def sentences(flags: Any, noted: dict[str, list[float]]) -> list[str]:
+    """One sentence for each kind of flag raised, all of which have been noted."""
     rows = flags.to_numpy()
     return [
-        text.format(count=rows[kind, 0], grain=rows[kind, 2], time=time_of(int(rows[kind, 1])), cap=cap)
+        text.format(count=rows[kind, 0], grain=rows[kind, 2], time=noted[str(kind)][0], cap=noted[str(kind)][1])
         for kind, text in SENTENCES.items()
         if rows[kind, 0]
     ]

@@ -56,9 +56,9 @@ class Water(Effect):
 
     parameters = (
         Parameter("density", 1000.0, "density", "kg/m3", low=1.0, high=2e4),
-        Parameter("viscosity", 1e-3, "viscosity; water has 0.001, glycerol 1", "Pa s", low=1e-6, high=1e3),
+        Parameter("viscosity", 1e-3, "viscosity; water has 0.001, glycerol 1", "Pa s", low=1e-6, high=1e3, decades=True),
         Parameter("cell", 3.0, "width of a cell", "d", low=0.1, high=100.0, live=False),
-        Parameter("permeability", 1.0, "of beds, over that by the law of drag", low=1e-3, high=1e3),
+        Parameter("permeability", 1.0, "of beds, over that by the law of drag", low=1e-3, high=1e3, decades=True),
         Parameter("drag", "di_felice", "law of drag; gidaspow is made for beds", choices=LAWS, live=False),
     )
     neutral: ClassVar = {}

@@ -73,4 +73,5 @@ def state(session: Session, measured: dict[str, Any], said: str) -> dict[str, An
         "series": {name: measured.get(name) for name in ("time", "kinetic_energy_J", "floor_force_N", "overlap_p99")},
         "paused": measured.get("paused", False),
         "said": said,
+        "offer": session.offer[0] if session.offer else "",
     }

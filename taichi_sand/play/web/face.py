@@ -32,6 +32,7 @@ class Browser(Keeping):
     def __init__(self, session: Session, name: str, server: Server, folder: Path) -> None:
         super().__init__(self, session)
         self.server, self.name, self.folder = server, name, folder
+        session.chapter.name = name
         self.stale, self.frame_time, self.began = True, FRAME, time.perf_counter()
         self.recorder: Recorder | None = None
         self.own = False  # whether the page started the recorder
@@ -42,15 +43,16 @@ class Browser(Keeping):
         self.open()
 
     def open(self) -> None:
-        """Another scene."""
+        """Another scene; a film ends with the one before."""
+        if self.movie:
+            self.film()
         self.pace, self.measured, self.measured_at = Pace(), {}, 0.0
         self.planes: Planes | None = None
         self.roster: Any = None
 
     def wait(self, text: str) -> None:
-        """Says that something takes a while."""
-        if text:
-            self.server.publish("state", json.dumps({"wait": text}))
+        """Says that something may take a while."""
+        self.server.publish("state", json.dumps({"wait": f"{text} …"}))
 
     def run(self) -> None:
         """Until it is interrupted."""
@@ -86,6 +88,8 @@ class Browser(Keeping):
         while not self.server.inputs.empty():
             verb, *given = self.server.inputs.get()
             getattr(self, f"_on_{verb}")(*given)
+        while self.server.way:
+            self.passes(self.server.way.popleft())
         if self.session.stroke is not None and self.server.place is not None:
             self.drag(self.server.place)
 
@@ -117,14 +121,20 @@ class Browser(Keeping):
 
     def _on_value(self, key: str, value: float) -> None:
         if (knob := self._knob(key)) is not None:
-            self.take(knob)
-            self.do("set", key, value)
+            self.type_in(knob, value)
+
+    def _on_default(self, key: str) -> None:
+        if (knob := self._knob(key)) is not None:
+            self.restore(knob)
 
     def _knob(self, key: str) -> Any:
         return next((knob for knob in self.session.knobs() if knob.key == key), None)
 
     def _on_grow(self, notches: int) -> None:
         self.grow(max(-10, min(10, notches)))
+
+    def _on_help_out(self) -> None:
+        self.help_out()
 
     def _on_scene(self, name: str) -> None:
         self.call("scene", name)
@@ -137,6 +147,8 @@ class Browser(Keeping):
 
     def help(self) -> None:
         """Is the page's own affair."""
+
+    fit = help
 
     # what goes out
 

@@ -21,6 +21,7 @@ from taichi_sand.play import files
 from taichi_sand.play.commands import Commands
 from taichi_sand.play.recording import Recorder
 from taichi_sand.play.window.screen import Screen
+from taichi_sand.play.window.shape import Shape
 from taichi_sand.scene.schema import Scene
 from taichi_sand.view.planes import message
 
@@ -84,11 +85,10 @@ class Keeping(Commands):
 
     def picture(self) -> None:
         """A picture, as the window makes it."""
-        screen = Screen(self.session, self.session.sim.scene.view.width)
-        canvas = np.zeros(screen.size[0] * screen.size[1], np.uint32)
-        pixels = screen.paint(canvas, {}, None, "")
+        scene = self.session.sim.scene
+        screen = Screen(self.session, Shape.of(scene.size, scene.view.width))
         memory, path = io.BytesIO(), files.free_name(self.folder, self.name, ".png")
-        Image.fromarray(screen.painter.rgb(pixels)).save(memory, "PNG", optimize=True)
+        Image.fromarray(screen.film_frame()).save(memory, "PNG", optimize=True)
         with writing.replacing(path) as made:
             made.write_bytes(memory.getvalue())
         self._send_file(path)
@@ -127,9 +127,7 @@ class Keeping(Commands):
                 scene = Scene.from_json(json.dumps(tomllib.loads(data.decode())))
             except (ValueError, RecursionError, TypeError) as error:
                 raise SandError(f"this is no scene file: {str(error)[:200]}") from None
-            self.do("open", scene.to_json())
-            self.name = "scene"
-            self.open()
+            self.start(scene, "scene")
         else:
             raise SandError("a checkpoint (.npz) or a scene file (.toml) can be loaded")
 

@@ -5,10 +5,10 @@ from typing import Any
 from taichi_sand.play.actions import FARTHEST, NUMBER, is_action
 
 MESSAGES: dict[str, tuple] = {
-    **dict.fromkeys(("cancel", "scene_file", "record"), ()),
+    **dict.fromkeys(("cancel", "scene_file", "record", "help_out"), ()),
     **dict.fromkeys(("press",), (NUMBER, NUMBER, bool)),
     **dict.fromkeys(("move", "release"), (NUMBER, NUMBER)),
-    **dict.fromkeys(("key", "take", "scene"), (str,)),
+    **dict.fromkeys(("key", "take", "scene", "default"), (str,)),
     "slide": (str, NUMBER),
     "value": (str, NUMBER),
     "grow": (int,),

@@ -61,6 +61,7 @@ class Server:
         self.inputs: queue.Queue[list] = queue.Queue(MOST_WAITING)
         self.place: tuple[float, float] | None = None  # where the driver's hand is
         self.slots: dict[str, tuple[int, str | bytes]] = dict.fromkeys(SLOTS, (0, b""))
+        self.way: deque[tuple[float, float]] = deque(maxlen=MOST_WAITING)  # where it has passed since the loop asked
         self.clients: list[Client] = []
         self.seconds = 0.0  # of CPU time that its thread has taken
         self.loop = asyncio.new_event_loop()
@@ -216,6 +217,7 @@ class Server:
         elif self.clients[0] is client and is_message(said):
             if said[0] == "move":
                 self.place = (float(said[1]), float(said[2]))
+                self.way.append(self.place)
             elif said[0] == "upload":
                 client.upload = (said[1], said[2], bytearray()) if 0 < said[2] <= MOST_UPLOAD else None
             else:

@@ -7,51 +7,79 @@ import numpy as np
 
 from taichi_sand.play import numbers
 from taichi_sand.play.window import hud
+from taichi_sand.play.window.arrange import arrange
 from taichi_sand.play.window.overlay import Overlay
-from taichi_sand.play.window.panel import WIDTH as PANEL_WIDTH
 from taichi_sand.play.window.panel import Panel
-from taichi_sand.play.window.sheet import DIM, IDLE, TEXT, Sheet
+from taichi_sand.play.window.parts import Zone
+from taichi_sand.play.window.shape import Shape
+from taichi_sand.play.window.sheet import DIM, TEXT, Sheet, Type
 from taichi_sand.view import palette
-from taichi_sand.view.caption import Caption, spaced
-from taichi_sand.view.paint import Painter, picture_height
+from taichi_sand.view.camera import Camera
+from taichi_sand.view.caption import Caption
+from taichi_sand.view.paint import Painter
 from taichi_sand.view.picture import SIDES, facts, wall_lines, water_of
+from taichi_sand.view.text import LINE_SIZE, spaced
 from taichi_sand.world.extras.hand import GRAB
 
 if TYPE_CHECKING:
     from taichi_sand.play.session import Session
 
-MOST_WIDTH, MOST_HEIGHT = 1080, 860
-"""A picture that nobody gave a width is not larger than this [px], so that the window fits a screen."""
-LEAST_TEXT = 0.92
-"""Size of the caption's text below which it is hard to read on a screen, over that in a picture 720 px wide."""
-MARGIN = 8
-LEAST_HEIGHT = 840
-"""Height of a window [px] below which the panel would be cramped."""
+ZOOM = 1.25
+"""The picture grows by this factor a notch."""
 
 
-def picture_width(session: "Session", asked: int | None) -> int:
-    """Width of the picture [px]: what was asked, or the scene's, made to fit a screen."""
-    width, height = session.sim.scene.size
-    return asked or int(min(MOST_WIDTH, MOST_HEIGHT * width / height))
+def fitting(window: tuple[float, float, float, float], picture: tuple[int, int]) -> Camera:
+    """A camera that shows this part of the box, x0, y0, x1, y1 [m], in the middle of a picture [px]."""
+    scale = min(picture[0] / (window[2] - window[0]), picture[1] / (window[3] - window[1]))
+    x, y = (0.5 * (window[k] + window[k + 2] - picture[k] / scale) for k in (0, 1))
+    return Camera(x, y, scale)
 
 
 class Screen:
-    """Paints frames for one window; `canvas` is what the window shows, u32, flat, rows from the top."""
+    """Paints frames for one window; `canvas` is what the window shows, u32, flat, rows from the top.
 
-    def __init__(self, session: "Session", width: int) -> None:
-        self.session = session
-        self.picture = (width, picture_height(session.sim.scene.size, width))
-        self.size = (width + PANEL_WIDTH, max(self.picture[1], LEAST_HEIGHT))
-        self.top = (self.size[1] - self.picture[1]) // 2
-        self.panel = Panel(self.size[1])
+    text: size of its text [px]; None: as in a film.
+    """
+
+    def __init__(self, session: "Session", shape: Shape, text: int | None = None) -> None:
+        self.session, self.chapter, self.text = session, session.chapter, text
+        box = session.sim.scene.size
+        self.picture, self.size, self.wide, self.left, self.top = shape.picture, shape.size, shape.wide, shape.left, shape.top
+        self.type = Type.of(text) if text else Type.of()
+        self.panel = Panel(shape.panel, shape.high, self.type)
         self.painter: Painter = None  # type: ignore[assignment]  # `ready` makes it
-        self.lines: list = []
+        self.home = Camera.of((0.0, 0.0, *box), self.picture[0])
+        self.camera = self.home
+        if window := session.home.view.window:
+            self.camera = fitting(window, self.picture).within(box, self.picture, self.home.scale)
+        self.numbers: hud.Numbers | None = None
+        self.zones: list[Zone] = []  # over the picture
         self.stages: dict[str, float] = {}
         self.help = False
 
+    # the camera
+
     def place(self, x: float, y: float) -> tuple[float, float]:
         """The point of the world [m] under a pixel of the window."""
-        return x / self.painter.scale, (self.picture[1] - (y - self.top)) / self.painter.scale
+        return self.camera.place(x - self.left, y - self.top, self.picture[1])
+
+    def shows(self, x: float, y: float) -> bool:
+        """Whether a pixel of the window is one of the picture."""
+        return 0 <= x - self.left < self.picture[0] and 0 <= y - self.top < self.picture[1]
+
+    def look(self, camera: Camera) -> None:
+        """Shows another part of the box, or the nearest that there is."""
+        self.camera = camera.within(self.session.sim.scene.size, self.picture, self.home.scale)
+
+    def zoom(self, notches: int, x: float, y: float) -> None:
+        """Nearer, or farther away, at a pixel of the window."""
+        self.look(self.camera.zoomed(ZOOM**notches, self.place(x, y)))
+
+    def pan(self, x: float, y: float) -> None:
+        """Moves what is shown by so many pixels."""
+        self.look(self.camera.moved(-x / self.camera.scale, y / self.camera.scale))
+
+    # painting
 
     def ready(self) -> None:
         """A painter for the world there is now, that paints as the session looks."""
@@ -60,75 +88,76 @@ class Screen:
         if self.painter is None or self.painter.world is not sim.world:
             edges = [getattr(scene.edges, side) == "wall" for side in SIDES]
             kinds = max(1, len(scene.grains) + len(scene.sources))
-            self.painter = Painter(sim.world, scene.size, self.picture[0], edges=edges, kinds=kinds)
+            self.painter = Painter(sim.world, scene.size, self.picture[0], edges=edges, kinds=kinds, ground=scene.view.ground)
             self.painter.water = water_of(sim)
-            self.caption = Caption(*self.picture, self.painter.scale, LEAST_TEXT)
+            self.caption = Caption(*self.picture, self.painter.scale, self.text / LINE_SIZE if self.text else None, scene.view.ground)
             self.overlay = Overlay(self.painter)
         painter = self.painter
+        if painter.camera != self.camera:
+            painter.look_at(self.camera)
+            self.caption.rescale(self.camera.scale)
         painter.color, painter.force_chains, painter.walls = look["color"], look["chains"], wall_lines(sim)
         painter.sleepers, painter.bonds, painter.dimmed = look["asleep"], look["bonds"], look["forces"]
         painter.set_energy_colours(look["cold"], look["hot"])
 
-    def paint(self, canvas: np.ndarray, measured: dict[str, Any], cursor: tuple[float, float] | None, told: str) -> np.ndarray:
-        """Paints all but the panel; `cursor` is in metres. Returns the picture alone, as films have it."""
+    def paint_picture(self) -> tuple[np.ndarray, int]:
+        """The picture alone, as films have it, u32, flat; and where its caption ends [px]."""
         self.ready()
         session, look = self.session, self.session.look
-        start = time.perf_counter()
         picture = self.painter.paint(session.sim.time)
-        self._overlays(picture, session.sim.time, look)
-        self.caption.draw(picture, session.sim.scene.title, facts(session.sim), self.painter.legend)
+        arrows = self.overlay.paint(picture, look)
+        return picture, self.caption.draw(picture, session.sim.scene.title, facts(session.sim), self.painter.legend, arrows)
+
+    def film_frame(self) -> np.ndarray:
+        """The picture alone, (height, width, 3) uint8."""
+        picture, _ = self.paint_picture()
+        return self.painter.rgb(picture)
+
+    def paint(
+        self, canvas: np.ndarray, shown: list[hud.Badge], cursor: tuple[float, float] | None, told: str, offer: str = ""
+    ) -> np.ndarray:
+        """Paints all but the panel; `cursor` is in metres. Returns the picture alone, as films have it."""
+        start = time.perf_counter()
+        picture, caption = self.paint_picture()
         painted = time.perf_counter()
         self.stages["paint"] = painted - start
         self._blit(canvas, picture)
-        sheet = hud.notices(session, self.picture[0], self.size[1], told)
-        if look["hud"] and self.lines:
-            down = self._down()
-            sheet.tiles = [(x, y + down, tile) for x, y, tile in self.lines] + sheet.tiles
+        notices = hud.Notices(shown, told, offer, self.wide, self.size[1], self.type)
+        self.zones = notices.zones
+        sheet = Sheet()
+        if self.session.look["hud"] and self.numbers:
+            ends = self.top, self.top + self.picture[1]
+            begin, room = arrange(self.size[1], ends, self.top + caption, self.numbers.height, notices.top)
+            sheet.tiles += self.numbers.tiles(0, begin, room)
+        sheet.tiles += notices.sheet.tiles
         if cursor is not None:
             self._cursor(canvas, cursor)
         sheet.paint(canvas, *self.size)
         if self.help:
-            hud.help_sheet(*self.size).paint(canvas, *self.size)
+            hud.help_sheet(*self.size, self.type).paint(canvas, *self.size)
         self.stages["hud"] = time.perf_counter() - painted
         return picture
 
     def paint_panel(self, canvas: np.ndarray, measured: dict[str, Any]) -> None:
         """Paints the panel, and composes the numbers over the picture."""
         self.panel.paint(canvas, *self.size, self.session, measured)
-        self.lines = hud.compose(numbers.lines(self.session, measured), self.picture[0]) if measured else []
+        self.numbers = hud.Numbers(numbers.lines(self.session, measured), self.wide, self.type) if measured else None
 
-    def _down(self) -> int:
-        """How far down the numbers go [px]: above the picture if there is room, else into it, below its caption."""
-        first, last = self.lines[0][1], max(y + tile.shape[0] for _, y, tile in self.lines)
-        return MARGIN - first if last - first + 2 * MARGIN < self.top else self.top
-
-    def message(self, canvas: np.ndarray, text: str) -> None:
-        """A sentence over everything, for what takes a while."""
-        sheet = Sheet()
-        hud.badge(sheet, text, self.picture[0] / 2, self.size[1] / 2 - 13, IDLE)
-        sheet.paint(canvas, *self.size)
+    def paint_tip(self, canvas: np.ndarray, zone: Zone) -> None:
+        """What the control under the mouse does."""
+        hud.tooltip(zone, self.wide, self.size[1], self.type).paint(canvas, *self.size)
 
     def _blit(self, canvas: np.ndarray, picture: np.ndarray) -> None:
         width, height = self.picture
         whole = canvas.reshape(self.size[1], self.size[0])
-        if self.size[1] > height:
-            ground = palette.packed(palette.GROUND)
-            whole[: self.top, :width] = ground
-            whole[self.top + height :, :width] = ground
-        whole[self.top : self.top + height, :width] = picture.reshape(height, width)
-
-    def _overlays(self, picture: np.ndarray, now: float, look: dict[str, Any]) -> None:
-        if look["grid"]:
-            self.overlay.grid(picture)
-        if look["velocities"]:
-            self.overlay.velocities(picture, now)
-        if look["forces"]:
-            self.overlay.contacts(picture, now)
+        if (self.wide, self.size[1]) != self.picture:
+            whole[:, : self.wide] = palette.packed(palette.GROUND)
+        whole[self.top : self.top + height, self.left : self.left + width] = picture.reshape(height, width)
 
     def _cursor(self, canvas: np.ndarray, cursor: tuple[float, float]) -> None:
         """The outline of the brush, and the string of the grain that is held; over the picture, not in films."""
         session, width, height = self.session, *self.picture
-        rows = canvas.reshape(self.size[1], self.size[0])[self.top : self.top + height, :width]
+        rows = canvas.reshape(self.size[1], self.size[0])[self.top : self.top + height, self.left : self.left + width]
         part = np.ascontiguousarray(rows).reshape(-1)
         stroke = session.stroke
         self.overlay.brush(part, *cursor, session.brush.size, "#F2A65A" if stroke else DIM)
@@ -138,10 +167,11 @@ class Screen:
             now = session.sim.hand.now[None]
             if now.work == GRAB:
                 self.overlay.string(part, now.grain, *cursor)
-        name = stroke.tool.name if stroke else session.tool
+        name, size = stroke.tool.name if stroke else session.tool, self.type.text
         sheet = Sheet()
-        at_x, at_y = cursor[0] * self.painter.scale, height - cursor[1] * self.painter.scale
-        sheet.plate(at_x + 9, at_y - 24, spaced(name, 11)[1] + 10, 18, palette.GROUND, 4, 0.72)
-        sheet.text(at_x + 14, at_y - 22, name, 11, TEXT)
+        (at_x, at_y), wide = self.overlay.pixels(np.array([cursor]))[0], spaced(name, size)[1] + 10
+        at_x, at_y = min(at_x + 9, width - wide), max(2, at_y - size - 13)
+        sheet.plate(at_x, at_y, wide, size + 7, palette.GROUND, 4, 0.72)
+        sheet.text(at_x + 5, at_y + 2, name, size, TEXT)
         sheet.paint(part, width, height)
         rows[:] = part.reshape(height, width)

@@ -1,18 +1,21 @@
 """Plates, texts and sliders, collected as tiles and laid over a canvas in one go."""
 
 from functools import lru_cache
+from typing import NamedTuple, Self
 
 import numpy as np
 from PIL import Image, ImageDraw
 
 from taichi_sand.view import palette
-from taichi_sand.view.caption import text_tile
-from taichi_sand.view.kernels import paint_tiles
+from taichi_sand.view.text import LINE_SIZE, TITLE_SIZE, text_tile
 
-PANEL, IDLE, ACCENT = "#1E2229", "#343A44", "#F2A65A"
+IDLE, ACCENT = "#343A44", "#F2A65A"
 GOOD, ATTENTION, WRONG = "#7BC47F", "#F2C14E", "#E5534B"
-GROUND, TEXT, DIM = palette.GROUND, palette.TEXT, palette.DIM_TEXT
+GROUND, PANEL, TEXT, DIM = palette.GROUND, palette.PANEL, palette.TEXT, palette.DIM_TEXT
 TONES = {"": TEXT, "dim": DIM, "good": GOOD, "attention": ATTENTION}
+LEAST_TEXT = 13
+"""Smaller text [px] is hard to read on a screen."""
+HOVER, PRESSED = "#464D59", "#262B33"
 FINE = 4
 """Plates are drawn this much larger and shrunk, which smooths their corners."""
 
@@ -24,6 +27,19 @@ def plate_tile(width: int, height: int, colour: str, radius: int, cover: float =
     ImageDraw.Draw(mask).rounded_rectangle((0, 0, FINE * width - 1, FINE * height - 1), FINE * radius, fill=round(255 * cover))
     small = np.asarray(mask.resize((width, height), Image.Resampling.BOX), np.uint32)
     return (small << 24) | np.uint32(palette.packed(colour))
+
+
+class Type(NamedTuple):
+    """The three sizes of text of a window [px]."""
+
+    text: int
+    strong: int
+    title: int
+
+    @classmethod
+    def of(cls, text: int = LEAST_TEXT) -> Self:
+        """With text of this size."""
+        return cls(text, text + 2, round(text * TITLE_SIZE / LINE_SIZE))
 
 
 class Sheet:
@@ -46,8 +62,22 @@ class Sheet:
         self.tile(x - align * tile.shape[1], y, tile)
         return tile.shape[1]
 
+    def lay(self, canvas: np.ndarray, width: int, height: int) -> None:
+        """As `paint`, without a kernel: while others are compiled."""
+        whole = canvas.reshape(height, width)
+        for x, y, tile in self.tiles:
+            part = whole[max(0, y) : max(0, y + tile.shape[0]), max(0, x) : max(0, x + tile.shape[1])]
+            over = tile[max(0, -y) :, max(0, -x) :][: part.shape[0], : part.shape[1]]
+            share, mixed = (over >> 24).astype(np.float32) / 255, np.zeros_like(part)
+            for shift in (16, 8, 0):
+                below, above = (part >> shift) & 255, (over >> shift) & 255
+                mixed |= (below + (above.astype(np.float32) - below) * share + 0.5).astype(np.uint32) << np.uint32(shift)
+            part[:] = mixed
+
     def paint(self, canvas: np.ndarray, width: int, height: int) -> None:
         """Lays all tiles over a canvas (u32, flat)."""
+        from taichi_sand.view.kernels import paint_tiles  # not before there is a kernel to be compiled
+
         if self.tiles:
             spans = np.array([(x, y, tile.shape[1], tile.shape[0]) for x, y, tile in self.tiles], np.int32)
             paint_tiles(canvas, width, height, spans, np.concatenate([tile.ravel() for _, _, tile in self.tiles]))

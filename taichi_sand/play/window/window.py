@@ -1,13 +1,9 @@
 """The window: shows a session in real time until it is closed."""
 
-import os
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-
-import taichi as ti
 
 from taichi_sand.errors import SandError
 from taichi_sand.files.jsons import as_line
@@ -17,17 +13,20 @@ from taichi_sand.play.files import Film
 from taichi_sand.play.pace import FRAME, Pace
 from taichi_sand.play.recording import Recorder
 from taichi_sand.play.session import Session
+from taichi_sand.play.window import hud
 from taichi_sand.play.window.controls import Controls
-from taichi_sand.play.window.screen import Screen, picture_width
-from taichi_sand.taichi_support.runtime import compiled
+from taichi_sand.play.window.opening import Opening
+from taichi_sand.play.window.screen import Screen
+from taichi_sand.play.window.telling import state_of
+from taichi_sand.play.window.waiting import CancelledError
+from taichi_sand.taichi_support.compiling import heard_by
 
 MEASURE, REPORT = 0.25, 0.1
 """Time between two measurements [s], for the eye and for a report."""
-TRIES, PAUSE = 5, 0.3
-"""How often a window is tried to be opened, and the time between [s]."""
+TIP = 0.5
+"""The mouse rests on a control for so long before that says what it does [s]."""
 IDLE = 0.03
 """A paused window looks for input so often [s]."""
-NO_DISPLAY = "there is no display to open a window on; `taichi-sand play --web` plays in a browser, `taichi-sand render` makes films"
 LISTENER = Callable[[list, int], None]
 
 
@@ -35,60 +34,70 @@ class Window:
     """A session on the screen.
 
     Args:
-        session: what is shown.
-        name: of the scene; files are called after it.
+        opening: the window as it was opened, which shows the scene as it is packed until all is compiled.
         folder: where files are written.
-        width: of the picture [px]; None = one that fits a screen.
         report: a file that gets a line of JSON a few times a second: what the window shows.
+        made: arch and threads, as for Session.
 
     Raises:
-        SandError: there is no display.
+        SandError: the scene cannot be simulated.
+        CancelledError: the user did not want to wait.
     """
 
-    def __init__(self, session: Session, name: str, *, folder: Path, width: int | None = None, report: Path | None = None) -> None:
-        self.session, self.name, self.folder, self.width = session, name, folder, width
-        self.report = Lines(report) if report else None
+    def __init__(self, opening: Opening, folder: Path, report: Path | None = None, **made: Any) -> None:
+        self.opening, self.name, self.folder = opening, opening.name, folder
         self.every = REPORT if report else MEASURE
         self.listener: LISTENER | None = None  # gets the actions and steps of every frame
         self.running, self.stale, self.unmeasured = True, True, True
-        self.seen_at = (0.0, 0.0)
+        self.seen_at, self.hovered_at, self.tipped = (0.0, 0.0), 0.0, True
         self.film: Film | None = None
         self.failed: SandError | None = None  # what could not be written, first
+        with heard_by(self._kernel):
+            self.session = Session(opening.scene, **made)
+        self.opening.waiting.free = lambda: self.session.making
+        self.session.chapter.name = opening.name
+        self.report = Lines(report) if report else None
         self.measured: dict[str, Any] = {}
-        self.frame_time, self.began = FRAME, time.perf_counter()
-        self.gui: Any = None
-        self.open()
+        self.controls: Controls = None  # type: ignore[assignment]  # the next
+        self._begin()
         self.controls = Controls(self)
+        self.frame_time, self.began = FRAME, time.perf_counter()
 
-    def open(self) -> None:
-        """Opens the window in the size that suits the scene."""
-        self.screen = Screen(self.session, picture_width(self.session, self.width))
+    def _begin(self) -> None:
+        """Shows the session anew."""
+        self.gui, self.waiting = self.opening.gui, self.opening.waiting
+        self.canvas = self.gui.img
+        self.screen = Screen(self.session, self.opening.shape, self.opening.text)
         self.pace = Pace()
         self.measured, self.measured_at = {}, 0.0
-        self.gui = None
-        title = f"taichi_sand: {self.session.sim.scene.title or self.name}"
-        for left in reversed(range(TRIES)):  # a display server whose last window was closed may be starting afresh
-            try:
-                self.gui = ti.GUI(title, self.screen.size, fast_gui=True)  # type: ignore[arg-type]
-                break
-            except RuntimeError:
-                if not left:
-                    raise SandError(NO_DISPLAY) from None
-                time.sleep(PAUSE)
-        self.gui.fps_limit = None
-        self.canvas = self.gui.img
 
-    def wait(self, text: str) -> None:
-        """Says that something takes a while; not once the window is being closed, which Taichi answers with an error."""
-        if text and self.gui.running:
-            self.screen.message(self.canvas, text)
-            self.gui.core.update()
+    def open(self) -> None:
+        """Another scene is played; a film ends with the one before."""
+        told = ""
+        if self.film:
+            film, self.film = self.film, None
+            try:
+                told = f"saved {film.close().name}"
+            except SandError as error:
+                told = str(error)
+        home, before = self.session.home, self.opening
+        self.gui.close()
+        self.gui = None
+        self.opening = Opening(home, self.name, before.width, before.text)
+        self.opening.waiting.free = lambda: self.session.making
+        self._begin()
+        self.controls.told = told
+
+    def wait(self, what: str) -> None:
+        """Something may have to be compiled."""
+        self.waiting.begin(what)
 
     def run(self) -> None:
         """Until the window is closed. SandError then if the report or the recording could not be written to their ends."""
         try:
-            while self.running and self.gui.running:
-                self.tick()
+            with heard_by(self._kernel):
+                while self.running and self.gui.running:
+                    self.tick()
             if self.film:
                 self.film.close()
         except BaseException as error:
@@ -102,10 +111,14 @@ class Window:
         if self.failed:
             raise self.failed
 
+    def _kernel(self, name: str) -> None:
+        self.opening.waiting.kernel(name)  # another one with every window
+
     def tick(self) -> None:
         """One frame, and the rest of its time."""
         now = time.perf_counter()
         self.frame_time, self.began = now - self.began, now
+        self.waiting.end()
         self.frame()
         if self.controls.paused and not self.stale:
             time.sleep(IDLE)
@@ -121,26 +134,39 @@ class Window:
         if self.listener:
             self._write(self.listener, session.take_log(), steps)
         late = self.unmeasured and time.perf_counter() - self.measured_at >= self.every
-        if steps or changed or self.stale or late:
+        if steps or changed or self.stale or late or self._tip_is_due():
             self.show()
         else:
             self.gui.core.update()
 
     def _input(self) -> bool:
         """Answers to the mouse and the keys; whether there was anything."""
-        width, height = self.screen.size
-        busy = False
-        for event in list(self.gui.get_events()):
-            if not self.gui.running:
+        busy, gui = False, self.gui
+        kept, self.waiting.kept = self.waiting.kept, []
+        for event in [*kept, *gui.get_events()]:
+            if self.gui is not gui or not gui.running:  # the rest was meant for the window of another scene
                 break
             busy = True
-            self.controls.handle(event, event.pos[0] * width, (1 - event.pos[1]) * height)
             width, height = self.screen.size
+            self.controls.handle(event, event.pos[0] * width, (1 - event.pos[1]) * height)
         x, y = self._cursor()
-        busy |= (x, y) != self.seen_at
-        self.seen_at = (x, y)
+        if (x, y) != self.seen_at:
+            busy, self.seen_at = True, (x, y)
+            self._hover(x, y)
         self.controls.held(x, y)
         return busy or self.session.stroke is not None or self.film is not None
+
+    def _hover(self, x: float, y: float) -> None:
+        """The mouse is over something, or over nothing."""
+        zone, panel = self.controls.under(x, y), self.screen.panel
+        name = zone.name if zone else ""
+        if name != panel.hovered:
+            panel.hovered, self.hovered_at, self.stale = name, time.perf_counter(), True
+            self.tipped = not (zone and zone.tip)
+
+    def _tip_is_due(self) -> bool:
+        """Whether the mouse has rested on a control for so long that it says what it does."""
+        return not self.tipped and time.perf_counter() - self.hovered_at > TIP
 
     def _cursor(self) -> tuple[float, float]:
         """The pixel under the mouse, y down."""
@@ -159,9 +185,16 @@ class Window:
             self.pace.stage("panel", time.perf_counter() - now)
         self.stale = False
         x, y = self._cursor()
-        inside = 0 <= x < self.screen.picture[0] and self.screen.top <= y < self.screen.top + self.screen.picture[1]
-        told = self.session.message or self.controls.told
-        picture = self.screen.paint(self.canvas, self.measured, self.screen.place(x, y) if inside else None, told)
+        session, controls = self.session, self.controls
+        marks = {"paused": controls.paused, "filming": self.film is not None, "recording": self.listener is not None}
+        self.badges = hud.badges(session, self.measured, **marks)
+        told, offer = session.message or controls.told, session.offer[0] if session.offer else ""
+        place = self.screen.place(x, y) if self.screen.shows(x, y) else None
+        picture = self.screen.paint(self.canvas, self.badges, place, told, offer)
+        zone = controls.under(x, y) if self._tip_is_due() else None
+        if zone and zone.tip:
+            self.screen.paint_tip(self.canvas, zone)
+            self.tipped = controls.zone is None and not self.session.stroke and controls.paused
         shown = time.perf_counter()
         self.gui.core.update()
         for name, seconds in {**self.screen.stages, "show": time.perf_counter() - shown}.items():
@@ -182,33 +215,13 @@ class Window:
         self.pace.stage("measure", time.perf_counter() - now)
         self.measured_at = now
         self.measured |= {"frames": pace.frames, "real_time": pace.factor, "paused": self.controls.paused}
+        self.measured["slowed"] = pace.slowed(session.speed)
         self.measured |= {"cost": pace.cost / session.sim.step, "stages": dict(pace.stages)}
         self.measured["given"] = session.sim.hand.now[None].given.to_list()
 
     def _tell(self, report: Lines) -> None:
         """A line of the report: what the window shows at this moment."""
-        session, screen = self.session, self.screen
-        state = {
-            **self.measured,
-            "scene": self.name,
-            "solver": session.sim.scene.solver.kind,
-            "effects": list(session.sim.effects),
-            "values": {knob.key: session.value(knob.key) for knob in session.knobs()},
-            "unphysical": session.unphysical(),
-            "walls": [wall.points for wall in session.sim.scene.walls],
-            "tool": session.tool,
-            "kind": session.brush.kind,
-            "undo": len(session.history.past),
-            "look": session.look,
-            "help": screen.help,
-            "said": session.message or self.controls.told,
-            "compiled": compiled(),
-            "hash": session.digest(),
-            "window": screen.size,
-            "picture": [0, screen.top, *screen.picture],
-            "controls": screen.panel.places(),
-        }
-        self._write(report.write, as_line(state))
+        self._write(report.write, as_line(state_of(self)))
 
     def _write(self, write: Callable[..., None], *what: Any) -> None:
         """Writes to the report or the recording. That the disk takes no more is told, and told again at the end: the game goes on."""
@@ -219,20 +232,17 @@ class Window:
             self.controls.told = str(error)
 
 
-def check_display() -> None:
-    """SandError where X11 is what windows are opened by, and there is none: before anything is compiled."""
-    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
-        raise SandError(NO_DISPLAY)
-
-
-def play(session: Session, name: str, *, folder: Path, width: int | None, report: Path | None, record: Path | None) -> None:
-    """Plays a session in a window until that is closed, and records it if `record` names a file. Arguments as for Window."""
+def play(opening: Opening, *, folder: Path, record: Path | None, **made: Any) -> None:
+    """Plays a scene in a window until that is closed, and records it if `record` names a file. Arguments as for Window."""
     folder.mkdir(parents=True, exist_ok=True)
-    window = Window(session, name, folder=folder, width=width, report=report)
+    try:
+        window = Window(opening, folder, **made)
+    except CancelledError:
+        return
     if record is None:
         window.run()
         return
-    window.listener = recorder = Recorder(session, record)
+    window.listener = recorder = Recorder(window.session, record)
     try:
         window.run()
     except BaseException:

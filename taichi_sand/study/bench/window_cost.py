@@ -11,10 +11,11 @@ PICTURES, SECONDS = 120, 8.0
 def opened(count: int, width: int) -> Any:
     """A window on the `settle` scene with `count` grains, at rest; one CPU thread."""
     from taichi_sand import load
-    from taichi_sand.play.session import Session
+    from taichi_sand.play.window.opening import Opening
+    from taichi_sand.play.window.sheet import LEAST_TEXT
     from taichi_sand.play.window.window import Window
 
-    window = Window(Session(load("settle", [f"scale={count / 1000}"]), threads=1), "settle", folder=Path(), width=width)
+    window = Window(Opening(load("settle", [f"scale={count / 1000}"]), "settle", width, LEAST_TEXT), Path(), threads=1)
     while window.session.sim.time < 1.0:
         window.frame()
     return window

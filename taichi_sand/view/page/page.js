@@ -759,6 +759,10 @@ class Film {
     this.picture = new Picture($("canvas"));
     this.picture.look.color = head.view === "photoelastic" ? "kind" : head.view;
     this.picture.look.chains = head.chains;
+    if (head.window) {
+      const [x0, y0, x1, y1] = head.window, [wide, high] = head.scene.size;
+      this.picture.camera = { x: (x0 + x1) / 2, y: (y0 + y1) / 2, zoom: Math.min(wide / (x1 - x0), high / (y1 - y0)) };
+    }
     this.hand = new Hand(this.picture, this);
     this.first = [];
     this.spans.reduce((count, span) => { this.first.push(count); return count + span[2]; }, 0);
@@ -1101,7 +1105,7 @@ class Live {
       const value = make("button", { type: "button", title: "type a value", style: "padding:0 .2rem;min-height:0;background:none;color:var(--dim)", onclick: () => this.type(knob) });
       const input = make("input", { type: "range", min: 0, max: 1, step: "any", ariaLabel: `${knob.label} ${knob.unit}`, title: knob.help,
         onpointerdown: () => this.say("take", knob.key), onkeydown: event => { if (event.key.startsWith("Arrow")) this.say("take", knob.key); },
-        oninput: () => this.say("slide", knob.key, Number(input.value)) });
+        ondblclick: () => this.say("default", knob.key), oninput: () => this.say("slide", knob.key, Number(input.value)) });
       this.sliders.set(knob.key, { input, value });
       return make("div", {}, make("div", { className: "pair", title: knob.help }, make("span", {}, knob.label), value), input);
     };
@@ -1195,6 +1199,7 @@ class Live {
     if (state.paused) badges.push(make("span", {}, "paused"));
     if (state.filming) badges.push(make("span", {}, "● filming"));
     if (state.recording) badges.push(make("span", {}, "● recording"));
+    if (state.offer && role !== "watch") badges.push(make("button", { type: "button", style: "pointer-events:auto", onclick: () => this.say("help_out") }, state.offer));
     if (role === "watch") badges.push(make("span", {}, "watching: somebody else plays"));
     const text = badges.map(badge => badge.textContent).join("|");
     if (text !== this.badged) { this.badged = text; $("badges").replaceChildren(...badges); }
