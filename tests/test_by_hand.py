@@ -205,6 +205,26 @@ def test_an_encoder_takes_pictures_of_one_size(tmp_path: Path, ending: str) -> N
         write(np.zeros((16, 32, 3), np.uint8))
 
 
+def test_an_effect_that_paces_itself_is_switched_on_and_off(session: Session) -> None:
+    """As water is offered to who pours some: it flows from then on, and time goes on without it."""
+    before = session.digest()
+    session.do(["choose", "water"])
+    session.do(["stroke", "press", 0.1, 0.2, 0.0, 0.0])
+    session.do(session.offer[1])
+    assert not session.message and "water" in session.sim.effects
+    session.advance(30)
+    session.do(["stroke", "press", 0.1, 0.2, 0.0, 0.0])
+    session.do(["stroke", "release", 0.1, 0.2, 0.0, 0.0])
+    session.advance(30)
+    assert not session.message and session.sim.due["water"] > session.sim.steps - 1
+    session.do(["effect", "water", False])
+    session.advance(30)
+    assert not session.message and not session.sim.due
+    for _ in range(3):
+        session.do(["undo"])
+    assert session.digest() == before
+
+
 def test_the_first_picture_is_that_of_the_scene(session: Session) -> None:
     """What a window shows while kernels are compiled, drawn without any, is what it shows then."""
     scene = Scene(**{**SCENE, "walls": [{"points": [[0.05, 0.25], [0.15, 0.28]]}]})

@@ -77,7 +77,9 @@ def hand_over(old: Simulation, new: Simulation, moment: Snapshot, scene: Scene) 
     pace = read_field(old.world.pace)
     new.world.pace.from_numpy({key[1:]: value for key, value in pace.items()})
     new.world.grains.wrench.fill(0.0)
-    replace(moment.host, scene=scene, over=live.kept(moment.host.over, old.scene, scene)).give(new)
+    host = moment.host
+    due = {name: host.due.get(name, host.steps + max(1, at - new.steps)) for name, at in new.due.items()}  # of what only it has, as it says
+    replace(host, scene=scene, due=due, over=live.kept(host.over, old.scene, scene)).give(new)
     new.retune(scene)
 
 
