@@ -86,11 +86,15 @@ def play(window: Playing, seconds: float, keys: list[str], seed: int = 1, scenes
         with contextlib.suppress(subprocess.CalledProcessError):  # the window is gone: why is told below
             if passed > (changed + 1) / (scenes + 1) * seconds:
                 changed += 1
+                waited = time.monotonic()
                 another(window, chance.choice(("bracketleft", "bracketright")))
+                start += time.monotonic() - waited  # what is compiled is not played
             act(window, chance, keys, weights)
         events += 1
         if time.time() - window.file.stat().st_mtime > BEHIND:
+            waited = time.monotonic()
             window.fresh(LONGEST)
+            start += time.monotonic() - waited
         if window.process.poll() is not None:
             raise AssertionError(f"the window closed with {window.process.returncode}: {window.process.stderr.read()}")
         third = int(3 * passed / seconds)
