@@ -110,8 +110,8 @@ def knobs_of(scene: Scene, home: Scene) -> list[Knob]:
         key, value = f"gravity.{axis}", home.gravity[axis]
         end = max(GRAVITY, nice(SIGNED * abs(value)))
         most = max(MOST_GRAVITY, end)
-        limits = {"least": -most, "most": most, "home": value}
-        found.append(Knob(key, f"gravity {name}", "world", "m/s2", "acceleration of everything", -end, end, **limits))
+        told = "acceleration of everything"
+        found.append(Knob(key, f"gravity {name}", "world", "m/s2", told, -end, end, least=-most, most=most, home=value))
     found.append(Knob("time", "time scale", "world", "x", "simulated time to wall time", 0.05, 4.0, log=True, home=1.0))
     for name in scene.effects:
         found += _of_effect(name, home.effects.get(name, {}))

@@ -3,6 +3,7 @@
 import os
 import sys
 import time
+from typing import Any
 
 import taichi as ti
 
@@ -29,7 +30,7 @@ class Opening:
         title = f"taichi_sand: {scene.title or name}"
         for left in reversed(range(TRIES)):  # a display server whose last window was closed may be starting afresh
             try:
-                self.gui = ti.GUI(title, self.shape.size, fast_gui=True)  # type: ignore[arg-type]
+                self.gui: Any = ti.GUI(title, self.shape.size, fast_gui=True)  # Taichi's types know only what a closed one has
                 break
             except RuntimeError:
                 if not left:

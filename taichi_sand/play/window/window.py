@@ -82,7 +82,7 @@ class Window:
                 told = str(error)
         home, before = self.session.home, self.opening
         self.gui.close()
-        self.gui = None
+        del self.gui
         self.opening = Opening(home, self.name, before.width, before.text)
         self.opening.waiting.free = lambda: self.session.making
         self._begin()
