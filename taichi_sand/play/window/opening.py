@@ -30,7 +30,7 @@ class Opening:
         title = f"taichi_sand: {scene.title or name}"
         for left in reversed(range(TRIES)):  # a display server whose last window was closed may be starting afresh
             try:
-                self.gui: Any = ti.GUI(title, self.shape.size, fast_gui=True)  # Taichi's types know only what a closed one has
+                self.gui: Any = ti.GUI(title, self.shape.size, fast_gui=True)  # type: ignore[arg-type]
                 break
             except RuntimeError:
                 if not left:
