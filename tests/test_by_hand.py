@@ -1,5 +1,8 @@
 """What is done by hand, without a window: strokes, scenes that come and go, what is recorded of it."""
 
+import json
+import math
+import queue
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,11 +15,16 @@ import pytest
 from taichi_sand import SandError, Scene
 from taichi_sand.output.film import WRITERS
 from taichi_sand.play import files, recording
+from taichi_sand.play.actions import is_action
 from taichi_sand.play.commands import Commands
 from taichi_sand.play.history import MOST_BYTES, History
+from taichi_sand.play.knobs import Knob
 from taichi_sand.play.session import Session
 from taichi_sand.play.snapshot import Snapshot
 from taichi_sand.play.tools import TOOLS, Tool
+from taichi_sand.play.web.face import Browser
+from taichi_sand.play.web.messages import is_message
+from taichi_sand.play.web.server import MOST_WAITING, Server
 from taichi_sand.scene.packing import pack
 from taichi_sand.view.paint import Painter
 from taichi_sand.view.picture import wall_lines
@@ -271,3 +279,57 @@ def test_a_recording_in_which_scenes_change_becomes_a_film(session: Session, tmp
     recording.film(path, str(out), fps=4, width=120, arch="cpu", threads=1)
     assert next(imageio_ffmpeg.read_frames(str(out)))["size"] == (120, 180)
     assert imageio_ffmpeg.count_frames_and_secs(str(out))[0] >= 7  # in the time that it took
+
+
+class Wire(Server):
+    """A server without a socket: what it takes waits for the loop."""
+
+    def __init__(self) -> None:
+        self.inputs, self.place, self.clients = queue.Queue(MOST_WAITING), None, [self]
+
+    def publish(self, slot: str, data: str | bytes) -> None:
+        """To nobody."""
+
+    def say(self, *message: Any) -> None:
+        """A message of the driver."""
+        self._take(self, json.dumps(message))  # type: ignore[arg-type]
+
+
+def test_strokes_of_a_page_keep_their_order(session: Session, tmp_path: Path) -> None:
+    """Two walls drawn within one frame of the server keep their corners; however many moves come, there is room for what ends them."""
+    wire = Wire()
+    browser = Browser(session, "narrow", wire, tmp_path)
+    session.sim.set_walls([])
+    first = [[0.02, 0.22], [0.1, 0.28], [0.1, 0.22], [0.18, 0.28]]
+    second = [[0.02, 0.12], [0.18, 0.12]]
+    wire.say("key", "0")
+    for points in (first, second):
+        wire.say("press", *points[0], False)
+        for place in points[1:-1]:
+            wire.say("move", *place)
+        wire.say("release", *points[-1])
+    browser._inputs()
+    assert [np.array(wall.points).tolist() for wall in session.sim.scene.walls] == [first, second]
+    wire.say("press", *first[0], False)
+    for k in range(2 * MOST_WAITING):
+        wire.say("move", 0.02 + 1e-5 * k, 0.22)
+    wire.say("cancel")
+    assert wire.inputs.qsize() < MOST_WAITING
+    browser._inputs()
+    assert session.stroke is None
+
+
+def test_typed_numbers_are_of_any_size_that_there_is(session: Session) -> None:
+    """What is set can be recorded and read again; what is no number is told, not recorded."""
+    commands = Commands(Face(), session)
+    knob = Knob("tool.size", "brush", "tools", "m", "", 0.0, 1.0, most=math.inf)
+    session.log = []
+    for value in (math.inf, math.nan):
+        with pytest.raises(SandError, match="no value for brush"):
+            commands.type_in(knob, value)
+    assert session.log == []
+    for value in (2e9, -1e300, 1e-300):
+        assert is_action(["set", "solver.k_r", value]) and is_message(["value", "solver.k_r", value])
+    for wrong in (math.inf, math.nan, 10**400, True):
+        assert not is_action(["set", "solver.k_r", wrong]) and not is_message(["value", "solver.k_r", wrong])
+    session.log = None

@@ -1,5 +1,7 @@
 """The command on good input: what it prints, writes and exits with."""
 
+import errno
+import io
 import json
 import os
 import re
@@ -172,6 +174,19 @@ def test_without_a_terminal_progress_is_a_line_now_and_then(capsys: pytest.Captu
             tell(second / 80)
     lines = ["render · fill: 38%, some 50 s to go", "render · fill: 75%, some 20 s to go"]
     assert capsys.readouterr().err.splitlines() == lines
+
+
+def test_progress_that_nobody_can_be_told_ends_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The log is on a full disk, or its reader has gone."""
+
+    class Full(io.StringIO):
+        def write(self, text: str) -> int:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(options, "TOLD_EVERY", 0.0)
+    monkeypatch.setattr(sys, "stderr", Full())
+    with options.progress_bar("render") as tell:
+        tell(0.5)
 
 
 def test_scenes_lists_a_line_each() -> None:

@@ -12,8 +12,8 @@ from view_world import shift, start_taichi, world_of
 from taichi_sand.errors import SandError
 from taichi_sand.view import palette
 from taichi_sand.view.camera import Camera
-from taichi_sand.view.kernels import SHOWN_RADIUS
 from taichi_sand.view.paint import Painter, picture_height
+from taichi_sand.view.palette import SHOWN_RADIUS
 from taichi_sand.view.views import HOLD, Range, quantile, views_of
 
 GROUND = np.array(palette.rgb(palette.GROUND))

@@ -4,7 +4,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -49,7 +49,9 @@ def progress_bar(label: str, more: Callable[[], str] = str) -> Iterator[Callable
 
 
 def lines(label: str, more: Callable[[], str]) -> Callable[[float], None]:
-    """Prints how far it is, and how long the rest will take at the pace so far, every `TOLD_EVERY` seconds."""
+    """Prints how far it is, and how long the rest will take at the pace so far, every `TOLD_EVERY` seconds. Where that cannot be written,
+    to a full disk or to nobody, work goes on all the same.
+    """
     began = told = time.monotonic()
 
     def tell(share: float) -> None:
@@ -59,7 +61,8 @@ def lines(label: str, more: Callable[[], str]) -> Callable[[float], None]:
             return
         told = now
         left = f", some {(now - began) * (1 / share - 1):.0f} s to go" if share > 0 else ""
-        print(f"{label}{more()}: {share:.0%}{left}", file=sys.stderr, flush=True)
+        with suppress(OSError):
+            print(f"{label}{more()}: {share:.0%}{left}", file=sys.stderr, flush=True)
 
     return tell
 

@@ -134,7 +134,7 @@ def video(path: Path, name: str, fps: int, codec: str, pixels: str, options: lis
             raw = ["-f", "rawvideo", "-vcodec", "rawvideo", "-s", size, "-pix_fmt", "rgb24", "-r", str(fps), "-i", "-", "-an"]
             encoder, shape = Encoder(name, *raw, "-vcodec", codec, "-pix_fmt", pixels, *options, path), frame.shape
         if frame.shape != shape:  # the encoder would cut what follows into pictures of the old size
-            size, other = (f"{pixels[1]} x {pixels[0]}" for pixels in (shape, frame.shape))
+            size, other = (f"{of[1]} x {of[0]}" for of in (shape, frame.shape))
             raise SandError(f"{name}: a film has pictures of one size, {size} pixels, and not {other}")
         encoder.take(frame)
         count += 1

@@ -1,5 +1,6 @@
 """What an action of a session looks like: a recording may come from anybody."""
 
+import sys
 from typing import Any
 
 from taichi_sand.play.calls import fits
@@ -7,8 +8,8 @@ from taichi_sand.play.chapter import LOOKS
 from taichi_sand.play.tools import TOOLS
 from taichi_sand.play.verbs import VERBS
 
-FARTHEST = 1e9
-"""Numbers of actions are within this, either way."""
+FARTHEST, LARGEST = 1e9, sys.float_info.max
+"""Places and motions of the hand are within this, either way; values that are set are numbers."""
 NUMBER = (int, float)
 ARGUMENTS: dict[str, tuple] = {
     **dict.fromkeys(("mark", "undo", "redo", "reset"), ()),
@@ -37,7 +38,7 @@ def is_action(action: Any) -> bool:
     for kind, value in zip(kinds, given, strict=True):
         if not isinstance(value, kind) or (isinstance(value, bool) and kind in (NUMBER, int)):
             return False
-        if kind is NUMBER and not abs(value) <= FARTHEST:
+        if kind is NUMBER and not abs(value) <= (LARGEST if verb == "set" else FARTHEST):
             return False
     if verb == "look" and type(given[1]) is not type(LOOKS.get(given[0], "")):
         return False

@@ -1,5 +1,6 @@
 """What keys, buttons and the hand do, of whatever face: each becomes an action of the session, or something that the face does."""
 
+import math
 from itertools import pairwise
 from typing import Any
 
@@ -142,6 +143,8 @@ class Commands:
 
     def type_in(self, knob: Knob, value: float) -> None:
         """A value for a slider is typed; SandError if it is none that it may have."""
+        if not math.isfinite(value):
+            raise SandError(f"{value:g} is no value for {knob.label}")
         bounded = knob.bounded(value, self.session.opened)
         self.take(knob)
         self.do("set", knob.key, value)

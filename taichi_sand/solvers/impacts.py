@@ -5,6 +5,7 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.solvers.flights import go_on, move_on, relative_gravity, shares, time_to_touch
+from taichi_sand.solvers.hits import each_hit, mark
 from taichi_sand.solvers.impulses import (
     arms,
     friction_bound,
@@ -24,8 +25,6 @@ from taichi_sand.world.blocks import nothing
 from taichi_sand.world.extras.energy_ledger import drive, settle_work
 from taichi_sand.world.extras.materials import bounce_of
 from taichi_sand.world.geometry import add, at_least, at_most, movable, perp, within, wrench
-from taichi_sand.world.search.images import column_below
-from taichi_sand.world.search.large_grains import is_boulder
 from taichi_sand.world.sweep import sweep
 from taichi_sand.world.walls.servo import along_course, apart, driver, drives, each_driven, hit_by
 
@@ -99,32 +98,6 @@ def foresee(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
         mark(w, s, i, False)
         if ti.static(not wall):
             mark(w, s, j, False)
-
-
-@noinline
-def do_with_wall(w: ti.template(), s: ti.template(), do: ti.template(), p: ti.i32):
-    """do(w, s, c, row, wall) on wall pair p."""
-    do(w, s, s.constants[None], p, True)
-
-
-@noinline
-def each_hit(w: ti.template(), s: ti.template(), b: ti.i32, do: ti.template()):
-    """do(w, s, c, row, wall) on the pairs of block b of which a grain has been hit since they were looked at."""
-    c = s.constants[None]
-    since, half = 2 * w.pace[None].round - 2, w.pace[None].half
-    for i in range(w.blocks.grain_start[b], w.blocks.grain_end[b]):
-        boulder = False
-        if ti.static(w.boulders > 0):
-            boulder = is_boulder(w, i)
-        if s.near[i] >= since or boulder:
-            row, stride = half * w.capacity + i, ti.select(boulder, 1, w.lanes)
-            for k in range(w.pairs.row_count[row]):
-                p = w.pairs.row_start[row] + k * stride
-                if ti.max(s.struck[i], s.struck[w.pairs.second[p]]) >= since:
-                    do(w, s, c, p, False)
-            for k in range(w.pairs.wall_row_count[row]):
-                if s.struck[i] >= since:
-                    do_with_wall(w, s, do, w.pairs.wall_row_start[row] + k)
 
 
 @ti.func
@@ -206,30 +179,6 @@ def bounce(
     min_normal_impulse(w, s, c, p, 0.0, 0.0)  # they touch
     w.pace[None].hit = 1
     return impulse
-
-
-@ti.func
-def mark(w: ti.template(), s: ti.template(), i, moved):
-    """Grain i has been hit in this round, and perhaps moved: its pairs are to be looked at again. They belong to grains of its own cell
-    and of the S, SW, W and NW ones.
-    """
-    if movable(w, i) > 0.0:
-        now = 2 * w.pace[None].round
-        s.struck[i] = now + (s.struck[i] & 1 | ti.cast(moved, ti.i32))
-        grid = ti.static(w.grid)
-        columns, rows = grid.columns[None], grid.rows[None]
-        for k in range(ti.static(9 if w.sheared else 5)):
-            x, y = grid.cell[i] // rows - ti.cast(k > 1, ti.i32), grid.cell[i] % rows + ti.select(k > 1, k - 3, -k)
-            if ti.static(w.sheared):
-                if k > 4:  # the pairs with images below
-                    x, y = column_below(w, grid.cell[i] // rows, k - 5), ti.select(grid.cell[i] % rows == 0, rows - 1, -1)
-            if ti.static(w.periodic[0]):
-                x = (x + columns) % columns
-            if ti.static(w.periodic[1] and not w.sheared):
-                y = (y + rows) % rows
-            if x >= 0 and x < columns and y >= 0 and y < rows:  # a boulder's pairs are its own
-                for n in range(grid.start[x * rows + y], grid.start[x * rows + y + 1]):
-                    s.near[n] = now
 
 
 @ti.func

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sand.view import fringes, kernels, palette, wet
+from taichi_sand.view import fringes, kernels, palette, placing, wet
 from taichi_sand.view.camera import Camera, picture_height
 from taichi_sand.view.fringes import Fringes
 from taichi_sand.view.scales import Scales
@@ -177,7 +177,7 @@ class Painter:
             if self.sleepers and self.world.sleeps:
                 kernels.fade_sleepers(self.world, self._colours)
         world, size = self.world, (self.width, self.height)
-        kernels.place_discs(world, self.scale, *self.box[:2], *size, self._discs, self._owner, self._bands, self._parts)
+        placing.place_discs(world, self.scale, *self.box[:2], *size, self._discs, self._owner, self._bands, self._parts)
         bars = self.bonds and not self.force_chains and world.linked  # they show how a body is turned
         spokes = self.color in SPOKED and not self.force_chains and not bars
         if self.color == PHOTOELASTIC and not (self.force_chains or self.dimmed):
@@ -223,7 +223,7 @@ class Painter:
 
     def _paint_chains(self, canvas: np.ndarray, time: float) -> None:
         """Contacts as lines whose width and colour follow the normal force, the strong ones on top."""
-        found = kernels.place_forces(self.world, self.scale, *self.box[:2], self.height, self._lines, self._forces)
+        found = placing.place_forces(self.world, self.scale, *self.box[:2], self.height, self._lines, self._forces)
         strength, top = self._scales.levels(self._forces[:found], time)
         level = np.rint(strength * (palette.ENTRIES - 1)).astype(np.uint8)
         upwards = np.argsort(level, kind="stable")

@@ -33,6 +33,8 @@ DRY_TO_WET = "E8C98A D9B878 C2A066 A88850 8A6A3F 6F6B62 5C7D96 4FA3D1"
 CYCLIC = "F4E3BE FFD69D FFBE76 FFA056 E9824C C8675B A5526F 854384 6E3F97 5E4BA8 5163B8 4883C6 4FA3D1 72C0D8 A1D6DA D0E3D2 F4E3BE"
 
 ENTRIES = 256
+SHOWN_RADIUS, LIGHTNESS_SPREAD = 0.985, 0.07
+"""Part of a disc's radius that is painted, so that neighbours stay apart; and by how much grains of a tone are lighter or darker."""
 
 
 class Ground(NamedTuple):

@@ -9,8 +9,6 @@ from taichi_sand.view import palette
 
 FINE, FINEST = 2, 8000
 """Pictures of so many discs at most are drawn so much larger, and shrunk, which smooths them."""
-SHOWN_RADIUS, TONES, SPREAD = 0.985, 4, 0.07
-"""As the painter has them."""
 
 
 def tones(packed: Pack, kinds: int) -> np.ndarray:
@@ -22,7 +20,7 @@ def tones(packed: Pack, kinds: int) -> np.ndarray:
     table = np.array([palette.rgb(tone) for tone in (palette.SAND if kinds == 1 else palette.KINDS)], float)
     chosen = (bits & np.uint32(3)).astype(int) if kinds == 1 else packed.kind % len(table)
     spread = ((bits >> np.uint32(8)) & np.uint32(0xFFFF)) / 32767.5 - 1
-    colours = np.minimum(255, table[chosen] * (1 + SPREAD * spread[:, None]) + 0.5)
+    colours = np.minimum(255, table[chosen] * (1 + palette.LIGHTNESS_SPREAD * spread[:, None]) + 0.5)
     colours[packed.fixed] = palette.rgb(palette.FIXED)
     return colours.astype(np.uint8)
 
@@ -41,7 +39,7 @@ def still(scene: Scene, packed: Pack, picture: tuple[int, int]) -> np.ndarray:
         for x, y, r in np.asarray(discs, float)[:, :3]:
             arm = np.stack([x * turn[of, 0] - y * turn[of, 1], x * turn[of, 1] + y * turn[of, 0]], axis=1)
             centre = (packed.position[of] + packed.radius[of, None] * arm) * scale
-            radius = np.maximum(0.5, packed.radius[of] * r * scale * SHOWN_RADIUS)
+            radius = np.maximum(0.5, packed.radius[of] * r * scale * palette.SHOWN_RADIUS)
             boxes = np.column_stack(
                 [centre[:, 0] - radius, height - centre[:, 1] - radius, centre[:, 0] + radius, height - centre[:, 1] + radius]
             )

@@ -31,7 +31,7 @@ def style() -> dict[str, Any]:
         "bond": palette.BOND,
         "foam": palette.FOAM,
         "dim": palette.CHAIN_GRAIN,
-        "shown": kernels.SHOWN_RADIUS,
+        "shown": palette.SHOWN_RADIUS,
         "spoke": [kernels.SPOKE_LIGHTNESS, kernels.SPOKE_LENGTH, kernels.SPOKE_WIDTH, *kernels.SPOKE_RADII],
         "spoked": list(paint.SPOKED),
         "wall": paint.WALL_WIDTH,

@@ -75,9 +75,9 @@ def check_sheared(scene: Any, pack: Pack, gpu: bool) -> None:
     """SandError if the images of these grains cannot slide: that is made for one block of cells, all of whose grains are alike."""
     if layout_of(gpu, len(pack)) != "one":
         where = "on a GPU" if gpu else f"of {STRIPS_FROM} grains or more"
-        raise scene.error("edges.shear_rate", f" = {scene.edges.shear_rate:g} cannot be had {where}")
+        raise scene.error("edges.shear_rate", f"{scene.edges.shear_rate:g} 1/s cannot be had {where}")
     if part_boulders(pack.radius, most_discs(pack))[1]:
-        raise scene.error("edges.shear_rate", f"= {scene.edges.shear_rate:g} cannot be had with grains that much larger than the others")
+        raise scene.error("edges.shear_rate", f"{scene.edges.shear_rate:g} 1/s cannot be had with grains that much larger than the others")
 
 
 def plan_cells(size: tuple[float, float], largest: float, capacity: int) -> tuple[float, int]:

@@ -88,14 +88,14 @@ class Browser(Keeping):
         while not self.server.inputs.empty():
             verb, *given = self.server.inputs.get()
             getattr(self, f"_on_{verb}")(*given)
-        while self.server.way:
-            self.passes(self.server.way.popleft())
         if self.session.stroke is not None and self.server.place is not None:
             self.drag(self.server.place)
 
     def _on_press(self, x: float, y: float, other: bool) -> None:
-        self.server.place = (float(x), float(y))
-        self.press(self.server.place, other)
+        self.press((float(x), float(y)), other)
+
+    def _on_move(self, x: float, y: float) -> None:
+        self.passes((float(x), float(y)))
 
     def _on_release(self, x: float, y: float) -> None:
         self.release((float(x), float(y)))

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from taichi_sand.play.actions import FARTHEST, NUMBER, is_action
+from taichi_sand.play.actions import FARTHEST, LARGEST, NUMBER, is_action
 
 MESSAGES: dict[str, tuple] = {
     **dict.fromkeys(("cancel", "scene_file", "record", "help_out"), ()),
@@ -29,13 +29,14 @@ def is_message(said: Any) -> bool:
     if verb == "do":
         return len(given) == 1 and is_action(given[0]) and given[0][0] in DONE
     kinds = MESSAGES.get(verb)
-    return kinds is not None and len(kinds) == len(given) and all(map(fits, kinds, given))
+    most = LARGEST if verb == "value" else FARTHEST
+    return kinds is not None and len(kinds) == len(given) and all(fits(kind, value, most) for kind, value in zip(kinds, given, strict=True))
 
 
-def fits(kind: Any, value: Any) -> bool:
-    """Whether an argument is of its kind, and of a size that can be meant."""
+def fits(kind: Any, value: Any, most: float) -> bool:
+    """Whether an argument is of its kind, and a number no larger than `most`, a text no longer than LONGEST."""
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
         return False
     if isinstance(value, str):
         return len(value) <= LONGEST
-    return kind is bool or abs(value) <= FARTHEST
+    return kind is bool or abs(value) <= most

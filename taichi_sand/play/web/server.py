@@ -22,7 +22,7 @@ from taichi_sand.play.web.messages import is_message
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 IN_FLIGHT = 2
 """A client is sent no more than so many messages that it has not answered: more would only be old when they arrive."""
-MOST_CLIENTS, MOST_WAITING = 64, 256
+MOST_CLIENTS, MOST_WAITING, MOST_MOVES = 64, 256, 128
 """Clients at a time, and messages of the driver that the loop has not taken yet; others are dropped."""
 MOST_BYTES = 2**18
 """Of a message; files come in parts."""
@@ -61,7 +61,6 @@ class Server:
         self.inputs: queue.Queue[list] = queue.Queue(MOST_WAITING)
         self.place: tuple[float, float] | None = None  # where the driver's hand is
         self.slots: dict[str, tuple[int, str | bytes]] = dict.fromkeys(SLOTS, (0, b""))
-        self.way: deque[tuple[float, float]] = deque(maxlen=MOST_WAITING)  # where it has passed since the loop asked
         self.clients: list[Client] = []
         self.seconds = 0.0  # of CPU time that its thread has taken
         self.loop = asyncio.new_event_loop()
@@ -215,12 +214,11 @@ class Server:
             client.ahead = max(0, client.ahead - 1)
             client.wake.set()
         elif self.clients[0] is client and is_message(said):
-            if said[0] == "move":
+            if said[0] in ("press", "move", "release"):
                 self.place = (float(said[1]), float(said[2]))
-                self.way.append(self.place)
-            elif said[0] == "upload":
+            if said[0] == "upload":
                 client.upload = (said[1], said[2], bytearray()) if 0 < said[2] <= MOST_UPLOAD else None
-            else:
+            elif said[0] != "move" or self.inputs.qsize() < MOST_MOVES:  # what else is done must find room
                 self._ask(said)
 
     def _part(self, client: Client, data: bytes) -> None:

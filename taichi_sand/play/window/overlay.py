@@ -6,7 +6,7 @@ import numpy as np
 
 from taichi_sand.play.knobs import nice
 from taichi_sand.play.window.sheet import ACCENT, TEXT
-from taichi_sand.view import kernels, palette
+from taichi_sand.view import kernels, palette, placing
 from taichi_sand.view.paint import LINES_PER_GRAIN, Painter
 from taichi_sand.view.text import number_text
 from taichi_sand.view.views import PERCENTILE, quantile
@@ -95,7 +95,7 @@ class Overlay:
         p = self.painter
         lines = np.zeros((LINES_PER_GRAIN * self.world.capacity, 4), np.float32)
         sizes = np.zeros(len(lines), np.float32)
-        found = kernels.place_forces(self.world, p.scale, *p.box[:2], p.height, lines, sizes)
+        found = placing.place_forces(self.world, p.scale, *p.box[:2], p.height, lines, sizes)
         lines, sizes = lines[:found].astype(float), sizes[:found]
         top = self.forces.follow(quantile(sizes, PERCENTILE))
         middle, way = 0.5 * (lines[:, :2] + lines[:, 2:]), lines[:, 2:] - lines[:, :2]
