@@ -1,6 +1,5 @@
 """What an action of a session looks like: a recording may come from anybody."""
 
-import sys
 from typing import Any
 
 from taichi_sand.play.calls import fits
@@ -8,8 +7,8 @@ from taichi_sand.play.chapter import LOOKS
 from taichi_sand.play.tools import TOOLS
 from taichi_sand.play.verbs import VERBS
 
-FARTHEST, LARGEST = 1e9, sys.float_info.max
-"""Places and motions of the hand are within this, either way; values that are set are numbers."""
+FARTHEST, LARGEST = 1e9, 1e30
+"""Places and motions of the hand, and values that are set, are within this, either way: kernels have 32 bits for them."""
 NUMBER = (int, float)
 ARGUMENTS: dict[str, tuple] = {
     **dict.fromkeys(("mark", "undo", "redo", "reset"), ()),

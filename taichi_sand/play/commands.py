@@ -1,6 +1,5 @@
 """What keys, buttons and the hand do, of whatever face: each becomes an action of the session, or something that the face does."""
 
-import math
 from itertools import pairwise
 from typing import Any
 
@@ -8,6 +7,7 @@ import numpy as np
 
 from taichi_sand.errors import SandError
 from taichi_sand.play import files, wall_tools
+from taichi_sand.play.actions import LARGEST
 from taichi_sand.play.keys import BY_KEY
 from taichi_sand.play.knobs import Knob
 from taichi_sand.play.session import Session
@@ -143,7 +143,7 @@ class Commands:
 
     def type_in(self, knob: Knob, value: float) -> None:
         """A value for a slider is typed; SandError if it is none that it may have."""
-        if not math.isfinite(value):
+        if not abs(value) <= LARGEST:
             raise SandError(f"{value:g} is no value for {knob.label}")
         bounded = knob.bounded(value, self.session.opened)
         self.take(knob)
