@@ -233,11 +233,12 @@ def test_an_effect_that_paces_itself_is_switched_on_and_off(session: Session) ->
     assert session.digest() == before
 
 
-def test_the_first_picture_is_that_of_the_scene(session: Session) -> None:
+@pytest.mark.parametrize("part", [None, [0.02, 0.1, 0.12, 0.25]], ids=["all", "a part"])
+def test_the_first_picture_is_that_of_the_scene(session: Session, part: list[float] | None) -> None:
     """What a window shows while kernels are compiled, drawn without any, is what it shows then."""
-    scene = Scene(**{**SCENE, "walls": [{"points": [[0.05, 0.25], [0.15, 0.28]]}]})
+    scene = Scene(**{**SCENE, "walls": [{"points": [[0.05, 0.25], [0.15, 0.28]]}], "view": {"window": part}})
     session.do(["open", scene.to_json()])
-    painter = Painter(session.sim.world, scene.size, 300, walls=wall_lines(session.sim))
+    painter = Painter(session.sim.world, scene.size, 300, walls=wall_lines(session.sim), window=part)
     painted, drawn = painter.rgb(painter.paint()).astype(int), still(scene, pack(scene), (300, 450))
     drawn = np.stack([(drawn >> shift) & 255 for shift in (16, 8, 0)], axis=-1).astype(int)
     assert painted.shape == drawn.shape

@@ -164,6 +164,38 @@ def test_keys_links_and_pointer(made: Made, chromium: Any) -> None:
         assert page.evaluate("sand.picture.camera") is None
 
 
+MOIST = {
+    "size": [0.2, 0.2],
+    "grains": [{"radius": 0.005, "count": 80, "fill": "lattice"}, {"positions": [[0.1, 0.15]], "radius": 0.01, "fixed": True}],
+    "effects": {"moisture": {}, "friction": {}},
+    "view": {"width": WIDTH, "window": [0.05, 0.0, 0.15, 0.06]},
+}
+
+
+def test_wet_grains_are_darker_and_the_part_that_a_scene_shows_is_shown(chromium: Any, tmp_path: Path) -> None:
+    """As dark as the painter has them, within what a level of colour and the steps of wetness in a film round."""
+    sim = sand.Simulation(sand.Scene(**MOIST), threads=1)
+    sim.wet(0.05, 0.02, 0.04, 0.2)
+    image(sim)
+    count, painter = sim.count, painter_of(sim)
+    grain, packed = sim.world.grains.id.to_numpy()[:count], painter._colours[:count]
+    expected = np.stack([(packed[np.argsort(grain)] >> shift) & 255 for shift in (16, 8, 0)], axis=1).astype(int)
+    with html(tmp_path / "wet.html", FPS) as write:
+        write(sim)
+    with opened(chromium, f"{(tmp_path / 'wet.html').as_uri()}#t=0", (800, 600)) as page:
+        found = page.evaluate(
+            "(() => { const p = sand.picture, n = p.now(); return [Array.from(p.tints(n)), Array.from(p.dryTints(n))]; })()"
+        )
+        tints, dry = (np.stack([(np.array(one) >> shift) & 255 for shift in (0, 8, 16)], axis=1)[:count].astype(int) for one in found)
+        assert np.abs(tints - expected).max() <= 3
+        light = tints.sum(axis=1) / dry.sum(axis=1)
+        assert light[-1] == 1 and light.min() < 0.65 and light[:-1].max() > light.min() + 0.1  # the last is fixed
+        left, low, scale = page.evaluate("sand.picture.map")
+        wide, high = page.evaluate("[sand.picture.canvas.width, sand.picture.canvas.height]")
+        assert (0.5 * wide - left) / scale == pytest.approx(0.1) and (0.5 * high - low) / scale == pytest.approx(0.03)
+        assert wide / scale >= 0.1 * (1 - 1e-6) and high / scale >= 0.06 * (1 - 1e-6)
+
+
 def test_the_report_and_what_was_measured_are_in_it(made: Made) -> None:
     tail = json.loads(re.search(r'id="tail">(.*?)</script>', made.path.read_text("utf-8"))[1])
     assert tail["report"]["grains"] == made.report["grains"] and tail["report"]["steps"] == made.report["steps"]

@@ -55,7 +55,7 @@ class Film:
         """The page up to its states."""
         view = sim.scene.view
         head = {"kind": "film", "fps": self.fps, "steps": LAST_SHADE, "style": style(), "scene": scene_of(sim)}
-        head |= {"view": view.color, "chains": view.force_chains, "window": view.window}
+        head |= {"view": view.color, "chains": view.force_chains}
         self.file.write(page()[0].replace("<!-- TITLE -->", plain(sim.scene.title or "taichi_sand")))
         self.file.write(f'<script type="application/json" id="head">{in_page(finite(head))}</script>\n')
 

@@ -35,6 +35,16 @@ class Camera:
         """One that shows x0, y0, x1, y1 [m] in a picture so many pixels wide."""
         return cls(float(window[0]), float(window[1]), width / (window[2] - window[0]))
 
+    @classmethod
+    def shown(cls, window: Sequence[float] | None, size: Sequence[float], picture: tuple[int, int]) -> Self:
+        """One whose picture [px] of a box, `size` [m], shows all of it, or of it `window`, x0, y0, x1, y1 [m], in the middle."""
+        home = cls.of((0.0, 0.0, *size), picture[0])
+        if window is None:
+            return home
+        scale = min(picture[0] / (window[2] - window[0]), picture[1] / (window[3] - window[1]))
+        x, y = (0.5 * (window[k] + window[k + 2] - picture[k] / scale) for k in (0, 1))
+        return cls(x, y, scale).within(size, picture, home.scale)
+
     def pixels(self, points: np.ndarray, height: int) -> np.ndarray:
         """Points (…, 2) [m], or pairs of them (…, 4), in pixels of a picture so high, y down."""
         moved = np.asarray(points, float) - np.resize((self.x, self.y), np.shape(points)[-1])
@@ -55,10 +65,10 @@ class Camera:
         """Moved by so many metres."""
         return Camera(self.x + x, self.y + y, self.scale)
 
-    def within(self, size: Sequence[float], picture: tuple[int, int], least: float) -> "Camera":
+    def within(self, size: Sequence[float], picture: tuple[int, int], least: float) -> Self:
         """The nearest that shows nothing but the box, `size` [m], in a picture of so many pixels: no farther away than at `least` px/m."""
         scale = min(MOST_ZOOM * least, max(least, self.scale))
         x, y = (
             min(max(0.0, side - pixels / scale), max(0.0, at)) for at, side, pixels in zip((self.x, self.y), size, picture, strict=True)
         )
-        return Camera(x, y, scale)
+        return type(self)(x, y, scale)

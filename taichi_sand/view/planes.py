@@ -18,6 +18,7 @@ from taichi_sand.view.paint import sand_tones
 from taichi_sand.view.picture import SIDES, wall_lines, water_of
 from taichi_sand.view.scales import Scales
 from taichi_sand.view.views import KIND, PHOTOELASTIC, views_of
+from taichi_sand.view.wet import WETTEST
 from taichi_sand.world.edit import link_lines
 from taichi_sand.world.reading import column_of, rows_of
 
@@ -25,6 +26,8 @@ LAST = 65535
 """The highest of the whole numbers that places are."""
 MARGIN = 2.0
 """Places reach so many largest radii over the edges of the box."""
+WET = "wet"
+"""Besides the views, among what colours show: how much darker wet grains are."""
 ASLEEP, ABSENT = 1, 2
 """Bits of the flags of a disc."""
 LEVELS = (-0.5, 1.5)
@@ -94,6 +97,7 @@ def scene_of(sim: Any) -> dict[str, Any]:
         "diameter": float(sim.world.box[None].diameter),
         "views": [name for name in names if name != PHOTOELASTIC],
         "colours": [scene.view.cold, scene.view.hot],
+        "window": scene.view.window,
     }
 
 
@@ -141,6 +145,9 @@ class Planes:
             if name != KIND:
                 values, tops[name] = self.scales.measure(name, sim.time)
                 shades[name] = byte(values[:count][order][owner] / max(tops[name], 1e-30) * 255)
+        if hasattr(world.carried, "wetness"):
+            tops[WET], wetness = WETTEST, rows_of(world.carried.wetness, count)[order]
+            shades[WET] = byte(wetness[owner] / WETTEST * 255)
         found = self._chains(tops) if chains else None
         turned = np.rint(angle * (128 / np.pi)).astype(np.int64).astype(np.uint8)[owner]
         walls = wall_lines(sim).astype(np.float32)

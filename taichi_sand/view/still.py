@@ -6,6 +6,7 @@ from PIL import Image, ImageDraw
 from taichi_sand.scene.grains import Pack
 from taichi_sand.scene.schema import Scene
 from taichi_sand.view import palette
+from taichi_sand.view.camera import Camera
 
 FINE, FINEST = 2, 8000
 """Pictures of so many discs at most are drawn so much larger, and shrunk, which smooths them."""
@@ -26,27 +27,27 @@ def tones(packed: Pack, kinds: int) -> np.ndarray:
 
 
 def still(scene: Scene, packed: Pack, picture: tuple[int, int]) -> np.ndarray:
-    """A picture of the grains and walls of a scene as they are at its start, (height, width) u32 0x00RRGGBB."""
+    """A picture of the grains and walls of a scene as they are at its start, or of the part that its [view] shows, (height, width) u32
+    0x00RRGGBB.
+    """
     parts = [form.discs for form in packed.forms] or [np.array([[0.0, 0.0, 1.0]])]
     fine = FINE if len(packed) * max(len(discs) for discs in parts) <= FINEST else 1
     width, height = (fine * side for side in picture)
     image = Image.new("RGB", (width, height), palette.GROUNDS[scene.view.ground].colour)
-    draw, scale = ImageDraw.Draw(image), width / scene.size[0]
+    draw, camera = ImageDraw.Draw(image), Camera.shown(scene.view.window, scene.size, (width, height))
     turn = np.stack([np.cos(packed.angle), np.sin(packed.angle)], axis=1)
     colours = [tuple(colour) for colour in tones(packed, max(1, len(scene.grains) + len(scene.sources))).tolist()]
     for kind, discs in enumerate(parts):
         of = np.flatnonzero(packed.kind == kind)
         for x, y, r in np.asarray(discs, float)[:, :3]:
             arm = np.stack([x * turn[of, 0] - y * turn[of, 1], x * turn[of, 1] + y * turn[of, 0]], axis=1)
-            centre = (packed.position[of] + packed.radius[of, None] * arm) * scale
-            radius = np.maximum(0.5, packed.radius[of] * r * scale * palette.SHOWN_RADIUS)
-            boxes = np.column_stack(
-                [centre[:, 0] - radius, height - centre[:, 1] - radius, centre[:, 0] + radius, height - centre[:, 1] + radius]
-            )
+            centre = camera.pixels(packed.position[of] + packed.radius[of, None] * arm, height)
+            radius = np.maximum(0.5, packed.radius[of] * r * camera.scale * palette.SHOWN_RADIUS)[:, None]
+            boxes = np.column_stack([centre - radius, centre + radius])
             for box, number in zip(boxes.tolist(), of.tolist(), strict=True):
                 draw.ellipse(box, fill=colours[number])
     for wall in scene.walls:
         points = [*wall.points, *(wall.points[:1] if wall.closed else ())]
-        draw.line([(x * scale, height - y * scale) for x, y in points], fill=palette.FIXED, width=2 * fine)
+        draw.line(list(map(tuple, camera.pixels(np.array(points), height).tolist())), fill=palette.FIXED, width=2 * fine)
     found = np.asarray(image.resize(picture, Image.Resampling.BOX) if fine > 1 else image, np.uint32)
     return (found[..., 0] << 16) | (found[..., 1] << 8) | found[..., 2]

@@ -5,7 +5,7 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-from taichi_sand.view import kernels, paint, palette
+from taichi_sand.view import kernels, paint, palette, wet
 from taichi_sand.view.planes import ABSENT, ASLEEP, LAST, LEVELS
 from taichi_sand.view.views import VIEWS
 
@@ -39,6 +39,8 @@ def style() -> dict[str, Any]:
         "chain": [*paint.CHAIN_WIDTHS, *paint.CHAIN_WIDEST_GRAIN],
         "bar": paint.BOND_WIDTH,
         "wet": [paint.BEHIND, paint.OVER],
+        "darkness": wet.DARKNESS,
+        "wet_views": paint.WET_VIEWS,
         "levels": LEVELS,
         "last": LAST,
         "bits": {"asleep": ASLEEP, "absent": ABSENT},

@@ -28,13 +28,6 @@ ZOOM = 1.25
 """The picture grows by this factor a notch."""
 
 
-def fitting(window: tuple[float, float, float, float], picture: tuple[int, int]) -> Camera:
-    """A camera that shows this part of the box, x0, y0, x1, y1 [m], in the middle of a picture [px]."""
-    scale = min(picture[0] / (window[2] - window[0]), picture[1] / (window[3] - window[1]))
-    x, y = (0.5 * (window[k] + window[k + 2] - picture[k] / scale) for k in (0, 1))
-    return Camera(x, y, scale)
-
-
 class Screen:
     """Paints frames for one window; `canvas` is what the window shows, u32, flat, rows from the top.
 
@@ -48,10 +41,8 @@ class Screen:
         self.type = Type.of(text) if text else Type.of()
         self.panel = Panel(shape.panel, shape.high, self.type)
         self.painter: Painter = None  # type: ignore[assignment]  # `ready` makes it
-        self.home = Camera.of((0.0, 0.0, *box), self.picture[0])
-        self.camera = self.home
-        if window := session.home.view.window:
-            self.camera = fitting(window, self.picture).within(box, self.picture, self.home.scale)
+        self.home = Camera.shown(None, box, self.picture)
+        self.camera = Camera.shown(session.home.view.window, box, self.picture)
         self.numbers: hud.Numbers | None = None
         self.zones: list[Zone] = []  # over the picture
         self.stages: dict[str, float] = {}

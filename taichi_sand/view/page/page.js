@@ -26,6 +26,10 @@ function sleepy(packed) { // at 60 % of its saturation and 80 % of its lightness
   return pack(colour.map(c => 0.8 * (grey + 0.6 * (c - grey)) + 0.5));
 }
 
+function lighter(packed, factor) {
+  return pack([0, 8, 16].map(shift => Math.min(255, (packed >> shift & 255) * factor + 0.5)));
+}
+
 function number(value) { // three digits, as captions have them
   if (value === null || !Number.isFinite(value)) return "–";
   if (value === 0 || (Math.abs(value) >= 1e-3 && Math.abs(value) < 1e5)) return String(Number(value.toPrecision(3)));
@@ -401,6 +405,13 @@ class Picture {
 
   home() { this.camera = null; this.stale = true; }
 
+  begin({ window, size }) { // as a scene wants to be seen
+    this.home();
+    if (!window) return;
+    const [x0, y0, x1, y1] = window;
+    this.camera = { x: (x0 + x1) / 2, y: (y0 + y1) / 2, zoom: Math.min(size[0] / (x1 - x0), size[1] / (y1 - y0)) };
+  }
+
   grow(rows) {
     if (rows <= this.room) return;
     this.room = ACROSS * Math.ceil(1.5 * rows / ACROSS);
@@ -445,7 +456,15 @@ class Picture {
     return [color === "energy" ? blend(...this.ends) : maps[color], values];
   }
 
-  tints(n) { // colours of all discs, packed, by their rows; and of those who sleep
+  tints(n) { // colours of all discs, packed, by their rows: wet ones are darker; see wet.darken
+    const { look, frame } = this, { roster } = frame, { wet } = frame.shades, dry = this.dryTints(n);
+    if (!wet || look.chains || look.forces || style.wet_views.includes(look.color)) return dry;
+    const found = this.wetted = this.wetted?.length >= n ? this.wetted : new Uint32Array(Math.ceil(1.5 * n));
+    for (let k = 0; k < n; k++) found[k] = wet[k] && !roster.fixed[k] ? lighter(dry[k], 1 - style.darkness * wet[k] / 255) : dry[k];
+    return found;
+  }
+
+  dryTints(n) {
     const { frame, look } = this, { roster } = frame, coloured = this.colours();
     if (!coloured) {
       const name = look.chains || look.forces ? "dim" : "own";
@@ -621,7 +640,7 @@ class Picture {
     }
     for (const [name, values] of Object.entries(frame.shades)) {
       const top = frame.tops[name];
-      if (top !== undefined && !roster.fixed[k]) lines.push(`${name} ${values[k] === 255 ? "≥ " : ""}${number(values[k] / 255 * top)} ${style.units[name] ?? ""}`.trimEnd());
+      if (name !== "wet" && top !== undefined && !roster.fixed[k]) lines.push(`${name} ${values[k] === 255 ? "≥ " : ""}${number(values[k] / 255 * top)} ${style.units[name] ?? ""}`.trimEnd());
     }
     if (frame.flags[k] & style.bits.asleep) lines.push("asleep");
     return lines.join("\n");
@@ -759,10 +778,7 @@ class Film {
     this.picture = new Picture($("canvas"));
     this.picture.look.color = head.view === "photoelastic" ? "kind" : head.view;
     this.picture.look.chains = head.chains;
-    if (head.window) {
-      const [x0, y0, x1, y1] = head.window, [wide, high] = head.scene.size;
-      this.picture.camera = { x: (x0 + x1) / 2, y: (y0 + y1) / 2, zoom: Math.min(wide / (x1 - x0), high / (y1 - y0)) };
-    }
+    this.picture.begin(head.scene);
     this.hand = new Hand(this.picture, this);
     this.first = [];
     this.spans.reduce((count, span) => { this.first.push(count); return count + span[2]; }, 0);
@@ -955,7 +971,7 @@ class Live {
       if (told.scenes) this.bundled = told.scenes;
       if (told.panel) {
         const { title, size } = told.panel.scene, old = this.table?.scene;
-        if (old && (old.title !== title || String(old.size) !== String(size))) this.picture.home(); // another scene
+        if (!old || old.title !== title || String(old.size) !== String(size)) this.picture.begin(told.panel.scene); // another scene
         this.table = told.panel;
         this.build();
       }
