@@ -115,7 +115,7 @@ def catch_up(w: ti.template(), s: ti.template(), c: ti.template(), b):
 @ti.func
 def hard(w: ti.template(), c: ti.template(), p, gap, speed):
     """Whether pair p, whose surfaces part with this speed, may touch within the step faster than it may softly."""
-    met = speed * c.step + gap < 0.0 and speed < -c.threshold
+    met = ti.max(speed * c.step + gap, speed + c.threshold) < 0.0  # one branch, which is seldom taken
     if met:
         met = speed < -LOADS * w.pairs.force[p].x * c.step / w.pairs.mass[p]
     return met

@@ -69,7 +69,7 @@ def project(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.te
         if ti.static(not trial):
             pairs.force[p] = carried * c.rate
     elif ti.static(not soft and not trial):
-        if speed < -0.5 * c.threshold and 2.0 * speed * c.step + gap < 0.0:
+        if ti.max(speed + 0.5 * c.threshold, 2.0 * speed * c.step + gap) < 0.0:  # as one, as in impacts.hard
             w.pace[None].impacts = 1
     return carried
 
