@@ -294,7 +294,7 @@ class Simulation(Instrument, Growing, Tuning, Watering, Steering, Staged, Callin
 
     def _set_pace(self) -> None:
         for name in ("step", "speed_cap", "alert", "deep", "growth", "settling", "spare"):
-            setattr(self.world.pace[None], name, self.numbers.get(name, 0.0))
+            self.world.pace.get_member_field(name)[None] = self.numbers.get(name, 0.0)
         self.world.pace[None].on_step = min((steps_within(e.interval, self.step) for e in stepping.step_effects(self.solver)), default=0)
         set_patience(self.world, self.scene)
 

@@ -8,7 +8,9 @@ from taichi_sand.world.search.images import ahead_of
 
 @ti.func
 def add(column: ti.template(), i, x):
-    """column[i] += x with a plain read and write: in a parallel loop += would be an atomic, which costs ten times as much."""
+    """column[i] += x with a plain read and write: in a parallel loop, and in all that is compiled by itself (taichi_support.noinline), +=
+    would be an atomic, which costs ten times as much.
+    """
     column[i] = column[i] + x
 
 

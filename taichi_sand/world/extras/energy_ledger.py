@@ -11,7 +11,7 @@ exact whatever is set off.
 import taichi as ti
 
 from taichi_sand.world.extras.hooks import offers
-from taichi_sand.world.geometry import add, belt_velocity, movable, perp, wall_velocity, wrench
+from taichi_sand.world.geometry import belt_velocity, movable, perp, wall_velocity, wrench
 
 
 @ti.func
@@ -76,7 +76,7 @@ def strike(w: ti.template(), s: ti.template(), i, j, first, second, moved: ti.te
         if ti.static(not wall):
             work += second.dot(g.twist[j] + half + 0.5 * second * g.mobility[j])
         split(w, s, i, j, -work, wall)
-    for k in ti.static(range(3)):  # as 4-vectors LLVM shuffles them together lane by lane, on the way from pair to pair: 12 % of a bed at rest
+    for k in ti.static(range(3)):  # LLVM shuffles a 4-vector together lane by lane, on the way from pair to pair: 12 % of a bed at rest
         g.twist[i][k] = g.twist[i][k] + first[k] * g.mobility[i][k]
         if ti.static(not wall):
             g.twist[j][k] = g.twist[j][k] + second[k] * g.mobility[j][k]

@@ -13,7 +13,7 @@ from taichi_sand.world.clumps import head
 from taichi_sand.world.extras.grain_rows import CELL, NUMBERS, WHOLE, load_row, sort_carried, store_row
 from taichi_sand.world.extras.sinks import drain
 from taichi_sand.world.flags import ESCAPED, NOWHERE, flag
-from taichi_sand.world.geometry import position, present, velocity
+from taichi_sand.world.geometry import add, position, present, velocity
 from taichi_sand.world.search.images import moved_over
 from taichi_sand.world.search.prefix_sum import prefix_sum, put_in_order, scratch_rows
 from taichi_sand.world.tables import ABREAST, STRIPS
@@ -161,10 +161,10 @@ def count_through(w: ti.template(), cells, count):
         grid.start[c] = 0
     ti.loop_config(serialize=True)
     for i in range(count):
-        grid.start[grid.cell[i] + 1] += 1
+        add(grid.start, grid.cell[i] + 1, 1)
     ti.loop_config(serialize=True)
     for c in range(cells + 1):
-        grid.start[c + 1] += grid.start[c]
+        add(grid.start, c + 1, grid.start[c])
     ti.loop_config(serialize=True)
     for i in range(count):
         slot = grid.start[grid.cell[i]]

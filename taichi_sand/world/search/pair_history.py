@@ -3,7 +3,7 @@
 import taichi as ti
 
 from taichi_sand.world.clumps import MOST
-from taichi_sand.world.geometry import at_least, at_most, distance_to_second, velocity, wall_row
+from taichi_sand.world.geometry import add, at_least, at_most, distance_to_second, velocity, wall_row
 
 STILL = 4.0
 """A pair settles if its grains move at, or from, one another less than so many times as fast as it does."""
@@ -124,9 +124,9 @@ def yield_deep(w: ti.template(), row, old, gap):
             else:
                 short = settle_in(w, row, gap, before)
         if weak and short > 0.0:
-            pairs.root_mass[row] *= WEAK
+            pairs.root_mass[row] = pairs.root_mass[row] * WEAK
             ti.atomic_max(pace[None].short, 2)
-        pairs.contact_distance[row] -= short
+        add(pairs.contact_distance, row, -short)
 
 
 @ti.func
