@@ -47,8 +47,8 @@ PATIENCE = 60.0
 class Served:
     """`taichi-sand play --web` in a process of its own."""
 
-    def __init__(self, folder: Path, *arguments: str) -> None:
-        (folder / "box.toml").write_text(SCENE, "utf-8")
+    def __init__(self, folder: Path, *arguments: str, scene: str = SCENE) -> None:
+        (folder / "box.toml").write_text(scene, "utf-8")
         command = [
             sys.executable,
             "-m",
@@ -419,3 +419,63 @@ def test_touch_and_a_small_screen(served: Served, chromium: Any) -> None:
         fingers("touchEnd")
         assert page.evaluate("sand.picture.camera.zoom") > 1.5
         page.evaluate("sand.say('key', 'r')")
+
+
+TALL = """
+title = "Tower"
+size = [0.2, 0.2]
+grains = [{ positions = [[0.1, 0.01], [0.1, 0.03], [0.1, 0.05]], radius = 0.01, density = 1000.0 }]
+"""
+
+
+def test_what_a_teacher_wants_beside_the_picture(chromium: Any, tmp_path: Path) -> None:
+    """A grain is inspected and followed, a ruler laid, plots chosen, time wound back; what is not shown is not sent."""
+
+    def at(page: Any, x: float, y: float) -> list[float]:
+        return page.evaluate(
+            """([x, y]) => { const p = sand.picture, [left, low, scale] = p.map;
+            return [(x * scale + left) / p.ratio, (p.canvas.height - y * scale - low) / p.ratio]; }""",
+            [x, y],
+        )
+
+    with Served(tmp_path, scene=TALL) as served, opened(chromium, served.url, ready="window.sand && sand.newest && sand.state") as page:
+        until(page, "sand.role === 'drive'")
+        assert page.evaluate("[sand.state.watched.grain, sand.state.watched.line, sand.state.rewind]") == [None, None, None]
+        page.get_by_role("button", name="rewind").click()
+        page.keyboard.press("k")
+        until(page, "sand.newest.time > 0.6")
+        page.mouse.click(*at(page, 0.1, 0.03))
+        until(page, "sand.state.watched.grain?.id === 1 && sand.state.watched.grain.contacts.length === 2")
+        weight = 9.81 * 1000 * math.pi * 0.01**2
+        forces = page.evaluate("Object.fromEntries(sand.state.watched.grain.contacts.map(one => [one.with, one.force[1]]))")
+        assert forces == pytest.approx({"grain 0": 2 * weight, "grain 2": -weight}, rel=0.03)
+        assert "moment of inertia" in page.inner_text("#panel") and "grain 0: " in page.inner_text("#panel")
+        page.get_by_role("button", name="follow").click()
+        until(page, "sand.picture.camera && Math.abs(sand.picture.camera.y - 0.03) < 1e-3 && sand.picture.camera.zoom === 3")
+        page.get_by_role("button", name="forget").click()
+        until(page, "!sand.state.watched.grain && !sand.follow")
+        page.keyboard.press("Home")
+        grains = page.evaluate("sand.newest.grains")
+        page.keyboard.press("'")
+        page.mouse.move(*at(page, 0.02, 0.1))
+        page.mouse.down()
+        page.mouse.move(*at(page, 0.12, 0.2), steps=4)
+        page.mouse.up()
+        until(page, "sand.state.watched.line?.ends[2] > 0.119 && !document.getElementById('ruler').hidden")
+        rows = dict(page.evaluate("sand.state.watched.line.rows"))
+        assert float(rows["angle"].split()[0]) == pytest.approx(45, abs=1)
+        assert float(rows["length"].split()[0]) == pytest.approx(0.1414, abs=0.002)
+        page.keyboard.press("Escape")
+        assert page.evaluate("sand.mode") == "" and page.evaluate("sand.newest.grains") == grains
+        assert page.evaluate("sand.state.plots") == ["floor", "kinetic"]
+        page.get_by_role("group", name="plots").get_by_role("button", name="depth").click()
+        until(page, "sand.state.plots.length === 3 && sand.state.watched.plots.depth?.[1].length > 0 && !sand.state.watched.plots.order")
+        until(page, "sand.state.rewind.length > 2")
+        page.keyboard.press("Space")
+        until(page, "sand.state.paused")
+        slider = page.get_by_role("slider", name="rewind to")
+        slider.focus()
+        page.keyboard.press("Home")
+        until(page, "Math.abs(sand.newest.time - sand.state.rewind[0]) < 1e-5")
+        page.keyboard.press("z")
+        until(page, "sand.newest.time > 1")

@@ -11,9 +11,10 @@ FARTHEST, LARGEST = 1e9, 1e30
 """Places and motions of the hand, and values that are set, are within this, either way: kernels have 32 bits for them."""
 NUMBER = (int, float)
 ARGUMENTS: dict[str, tuple] = {
-    **dict.fromkeys(("mark", "undo", "redo", "reset"), ()),
+    **dict.fromkeys(("mark", "undo", "redo", "reset", "snap"), ()),
     **dict.fromkeys(("choose", "solver", "open", "load", "default"), (str,)),
     **{"set": (str, NUMBER), "effect": (str, bool), "look": (str, (str, bool)), "opened": (bool,), "kind": (int,)},
+    **{"rewinding": (bool,), "back": (NUMBER,)},
     "call": (str, dict),
     "stroke": (str, NUMBER, NUMBER, NUMBER, NUMBER, bool),
 }

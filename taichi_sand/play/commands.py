@@ -20,7 +20,7 @@ WHEEL = 1.15
 SMOOTH = 0.35
 """Share of the newest frame in the velocity of the hand."""
 SPEEDS = (0.05, 4.0)
-SLOW = ("solver", "effect", "open", "undo", "redo", "reset", "load")
+SLOW = ("solver", "effect", "open", "undo", "redo", "reset", "load", "back")
 """Actions that may have something compiled."""
 STRAIGHT, MOST_PLACES = 0.002, 64
 """The way of the hand between two frames is followed by straight parts that are nowhere farther off than this share of the box, and a tool
@@ -204,6 +204,10 @@ class Commands:
     def redo(self) -> None:
         """Does it again."""
         self.do("redo")
+
+    def rewinding(self) -> None:
+        """Keeps moments to go back to, or no more."""
+        self.do("rewinding", not self.session.rewind.on)
 
     def other_solver(self) -> None:
         """md instead of rigid, or the other way round."""

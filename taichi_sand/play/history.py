@@ -1,6 +1,6 @@
 """What can be undone: the moments before each stroke and each change of a parameter."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 
 from taichi_sand.play.snapshot import Snapshot
 
@@ -45,8 +45,9 @@ class History:
 
     def bytes(self) -> int:
         """Room that all moments take, tables that they share counted once."""
-        return sum({id(rows): rows.rows.nbytes for rows in self._rows()}.values())
+        return bytes_of((*self.past, *self.future))
 
-    def _rows(self) -> Iterator:
-        for moment in (*self.past, *self.future):
-            yield from moment.fields.values()
+
+def bytes_of(moments: Iterable[Snapshot]) -> int:
+    """Room that moments take, tables that they share counted once."""
+    return sum({id(rows): rows.rows.nbytes for moment in moments for rows in moment.fields.values()}.values())

@@ -16,6 +16,7 @@ def measure(session: "Session", before: dict[str, Any]) -> dict[str, Any]:
     """What is measured a few times a second; `before` is what it was the last time."""
     sim = session.sim
     found = {**contacts(sim), **motion(sim), "grains": sim.count, "lost": sim.lost, "time": sim.time, "flags": sim.flags()}
+    found["gone"] = sim.made - sim.removed - sim.count  # by edges and sinks
     found["asleep"] = int(sim.world.sleep.state[None].asleep) if sim.world.sleeps else 0
     found["energy"] = found["kinetic_energy_J"] + found["potential_energy_J"]
     passed = found["time"] - before.get("time", found["time"])

@@ -34,6 +34,8 @@ class Pace:
         steps = self.steps(wall, session.sim.step, session.speed) if single is None else single
         before, start = session.sim.time, time.perf_counter()
         session.advance(steps)
+        if session.rewind.due(session.sim.time):
+            session.do(["snap"])
         spent = time.perf_counter() - start
         self.spent(steps, spent)
         self.stage("simulate", spent)

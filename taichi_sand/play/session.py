@@ -18,9 +18,11 @@ from taichi_sand.play import calls, knobs, transfer
 from taichi_sand.play.brush import Brush
 from taichi_sand.play.chapter import Chapter
 from taichi_sand.play.history import History
+from taichi_sand.play.rewind import Rewind
 from taichi_sand.play.snapshot import Snapshot, restore, take, to_bytes
 from taichi_sand.play.stroke import Stroke
 from taichi_sand.play.verbs import VERBS
+from taichi_sand.play.watching import Watching
 from taichi_sand.run import live
 from taichi_sand.run.saving import laid_out
 from taichi_sand.run.simulation import Simulation
@@ -48,7 +50,7 @@ class Session:
         self.doing = False  # whether an action is being done
         self.making = False  # whether a simulation is being made: what is raised then leaves all as it was
         self.counted = 0  # steps, the last time that they were
-        self.history = History()
+        self.history, self.rewind, self.watching = History(), Rewind(), Watching()
         self.built: dict[Key, Simulation] = {}  # what is ready to be gone on with
         self.sim: Simulation = None  # type: ignore[assignment]  # until one is made
         self.message = ""
@@ -77,6 +79,8 @@ class Session:
     def _enter(self, chapter: Chapter) -> None:
         """Plays this scene."""
         self.chapter, self.home, self.look, self.brush = chapter, chapter.home, chapter.look, chapter.brush
+        self.rewind.forget()
+        self.watching.forget()
 
     def drop(self) -> None:
         """Lets go of all simulations, and of Taichi's memory."""
@@ -91,7 +95,7 @@ class Session:
         stroke.
         """
         self._note(action)
-        if action[:2] not in (["stroke", "drag"], ["stroke", "release"]):
+        if action[:2] not in (["stroke", "drag"], ["stroke", "release"], ["snap"]):
             self.message, self.offer = "", None
         self.doing, before = True, self.sim.steps
         try:
@@ -152,9 +156,9 @@ class Session:
 
     # moments
 
-    def moment(self) -> Snapshot:
-        """All of it at this moment."""
-        moment = take(self.sim, self.history.last())
+    def moment(self, like: Snapshot | None = None) -> Snapshot:
+        """All of it at this moment; it shares tables with `like`, or with the moment that was kept last, where they are the same."""
+        moment = take(self.sim, like or self.history.last())
         moment.session = {"rng": self.rng.bit_generator.state, "physical": dict(self.physical)}
         moment.chapter = self.chapter
         return moment

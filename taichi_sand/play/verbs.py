@@ -82,6 +82,26 @@ def _effect(session: Any, name: str, on: bool) -> None:
     session.become(new)
 
 
+def _rewinding(session: Any, on: bool) -> None:
+    session.rewind.switch(on)
+    if on:
+        _snap(session)
+
+
+def _snap(session: Any) -> None:
+    session.rewind.keep(session.sim.time, session.moment(session.rewind.last()))
+
+
+def _back(session: Any, time: float) -> None:
+    """To the kept moment that is nearest to a time; that can be undone."""
+    _end(session)
+    before, moment = session.moment(), session.rewind.back(time)
+    if moment is None:
+        raise SandError("no moments are kept to go back to; switch on rewind first")
+    session.go_to(moment)
+    session.history.keep(before)
+
+
 def _look(session: Any, key: str, value: Any) -> None:
     if key == "color":
         check_view(value, session.sim.world)
@@ -168,4 +188,5 @@ def _load(session: Any, data: str) -> None:
 VERBS = {
     "set": _set, "default": _default, "mark": _mark, "undo": _undo, "redo": _redo, "reset": _reset, "solver": _solver, "effect": _effect,
     "look": _look, "opened": _open_ranges, "choose": _choose, "stroke": _stroke, "kind": _kind, "open": _open, "load": _load, "call": _call,
+    "rewinding": _rewinding, "snap": _snap, "back": _back,
 }  # fmt: skip

@@ -8,6 +8,7 @@ from typing import Any
 from taichi_sand import effects
 from taichi_sand.play import choices, numbers
 from taichi_sand.play.keys import KEYS
+from taichi_sand.play.plots import PLOTS
 from taichi_sand.play.session import Session
 from taichi_sand.play.tools import TOOLS
 from taichi_sand.scene import loading
@@ -33,7 +34,8 @@ def tables() -> dict[str, Any]:
     tools = [
         {"name": name, "key": tool.key, "help": tool.help, "uses": [f"tool.{use}" for use in tool.uses]} for name, tool in TOOLS.items()
     ]
-    return {"tools": tools, "keys": [[key.key, key.name, key.help, key.group] for key in KEYS]}
+    plots = [{"name": name, "label": plot.label, "unit": plot.unit, "along": plot.along} for name, plot in PLOTS.items()]
+    return {"tools": tools, "keys": [[key.key, key.name, key.help, key.group] for key in KEYS], "plots": plots}
 
 
 def panel(session: Session) -> dict[str, Any]:
@@ -70,7 +72,8 @@ def state(session: Session, measured: dict[str, Any], said: str) -> dict[str, An
         "redo": len(session.history.future),
         "accuracy": numbers.accuracy(session, measured),
         "lines": numbers.lines(session, measured) if measured else [],
-        "series": {name: measured.get(name) for name in ("time", "kinetic_energy_J", "floor_force_N", "overlap_p99")},
+        "time": measured.get("time"),
+        "rewind": [round(time, 6) for time in session.rewind.times()] if session.rewind.on else None,
         "paused": measured.get("paused", False),
         "said": said,
         "offer": session.offer[0] if session.offer else "",

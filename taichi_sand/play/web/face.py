@@ -47,6 +47,8 @@ class Browser(Keeping):
         if self.movie:
             self.film()
         self.pace, self.measured, self.measured_at = Pace(), {}, 0.0
+        self.before: dict[str, Any] = {}  # what was measured before
+        self.watched: dict[str, Any] = {}
         self.planes: Planes | None = None
         self.roster: Any = None
 
@@ -136,6 +138,24 @@ class Browser(Keeping):
     def _on_help_out(self) -> None:
         self.help_out()
 
+    def _on_inspect(self, grain: int) -> None:
+        """The grain with this id; below 0: none."""
+        self.session.watching.grain = grain if grain >= 0 else None
+        self.watched, self.stale = {}, True
+
+    def _on_rule(self, *line: float) -> None:
+        x0, y0, x1, y1 = map(float, line)
+        self.session.watching.line = x0, y0, x1, y1
+        self.watched, self.stale = {}, True
+
+    def _on_unrule(self) -> None:
+        self.session.watching.line = None
+        self.watched, self.stale = {}, True
+
+    def _on_plot(self, name: str, on: bool) -> None:
+        self.session.watching.plot(name, on)
+        self.watched, self.stale = {}, True
+
     def _on_scene(self, name: str) -> None:
         self.call("scene", name)
 
@@ -170,8 +190,9 @@ class Browser(Keeping):
     def _publish_state(self) -> None:
         now = time.perf_counter()
         if now - self.measured_at >= MEASURE:
-            self.measured = numbers.measure(self.session, self.measured)
-            self.measured_at = now
+            self.before, self.measured = self.measured, numbers.measure(self.session, self.measured)
+            self.measured_at, self.watched = now, {}
+        self.watched = self.watched or self.session.watching.look(self.session, self.measured, self.before)
         pace = self.pace
         self.measured |= {"frames": pace.frames, "real_time": pace.factor, "paused": self.paused, "cost": pace.cost / self.session.sim.step}
         self.measured["stages"] = dict(pace.stages)
@@ -181,7 +202,7 @@ class Browser(Keeping):
             self.server.publish("panel", panel)
         state = described.state(self.session, self.measured, self.session.message or self.told)
         state |= {"filming": self.movie is not None, "recording": self.recorder is not None, "name": self.name}
-        state["serving_s"] = self.server.seconds
+        state |= {"serving_s": self.server.seconds, "watched": self.watched, "plots": sorted(self.session.watching.plots)}
         self.server.publish("state", json.dumps(finite({"state": state})))
 
 

@@ -5,17 +5,20 @@ from typing import Any
 from taichi_sand.play.actions import FARTHEST, LARGEST, NUMBER, is_action
 
 MESSAGES: dict[str, tuple] = {
-    **dict.fromkeys(("cancel", "scene_file", "record", "help_out"), ()),
+    **dict.fromkeys(("cancel", "scene_file", "record", "help_out", "unrule"), ()),
     **dict.fromkeys(("press",), (NUMBER, NUMBER, bool)),
     **dict.fromkeys(("move", "release"), (NUMBER, NUMBER)),
     **dict.fromkeys(("key", "take", "scene", "default"), (str,)),
     "slide": (str, NUMBER),
     "value": (str, NUMBER),
     "grow": (int,),
+    "inspect": (int,),
+    "rule": (NUMBER, NUMBER, NUMBER, NUMBER),
+    "plot": (str, bool),
     "upload": (str, int),
 }
 """Verbs, and the kinds of their arguments: strokes of the hand [m], keys by their names, sliders by their keys and places 0 … 1."""
-DONE = ("solver", "effect", "look", "choose")
+DONE = ("solver", "effect", "look", "choose", "rewinding", "back")
 """Actions of the session that a page asks for as they are: ["do", [verb, arguments…]]."""
 LONGEST = 200
 """Letters of a text."""

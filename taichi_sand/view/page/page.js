@@ -12,7 +12,7 @@ const rgb = text => [1, 3, 5].map(k => parseInt(text.slice(k, k + 2), 16));
 const table = text => Uint8Array.from({ length: text.length / 2 }, (_, k) => parseInt(text.slice(2 * k, 2 * k + 2), 16));
 const maps = Object.fromEntries(Object.entries(style.maps).map(([name, text]) => [name, table(text)]));
 const FIXED = rgb(style.fixed), DIM = rgb(style.dim), BOND = rgb(style.bond), GROUND = rgb(style.ground), FOAM = rgb(style.foam);
-const TEXT = [230, 232, 235], ACCENT = [242, 166, 90], VELOCITY = [111, 195, 255], FORCE = [255, 154, 60], GRID = [52, 58, 68];
+const TEXT = [230, 232, 235], ACCENT = [242, 166, 90], VELOCITY = [111, 195, 255], FORCE = [255, 154, 60], GOOD = [123, 196, 127], GRID = [52, 58, 68];
 
 function blend(cold, hot) { // as light is mixed; see palette.blend_map
   const ends = [cold, hot].map(end => rgb(end).map(c => (c / 255) ** 2.2));
@@ -740,22 +740,35 @@ function tip(picture, event) {
   box.style.top = `${Math.max(0, Math.min(y + 12, stage.height - box.offsetHeight))}px`;
 }
 
+function circle(x, y, r, tint, width) { // lines as `extra` has them
+  return Array.from({ length: 48 }, (_, k) => {
+    const [a, b] = [k, k + 1].map(step => step * Math.PI / 24);
+    return [x + r * Math.cos(a), y + r * Math.sin(a), x + r * Math.cos(b), y + r * Math.sin(b), width, tint];
+  });
+}
+
 const toggle = (text, on, act, extra = {}) => make("button", { type: "button", ariaPressed: String(on), onclick: act, ...extra }, text);
 
-function plot(canvas, x, y, label) {
+function plot(canvas, x, y, label, along = "") {
   const ratio = devicePixelRatio || 1, pen = canvas.getContext("2d"), { clientWidth: wide, clientHeight: high } = canvas;
   canvas.width = wide * ratio;
   canvas.height = high * ratio;
   pen.scale(ratio, ratio);
-  const low = Math.min(0, ...y), top = Math.max(...y, low + 1e-30), left = x[0], span = x[x.length - 1] - left || 1;
+  const known = y.filter(Number.isFinite), low = Math.min(0, ...known), top = Math.max(...known, low + 1e-30), left = x[0], span = x[x.length - 1] - left || 1;
   pen.strokeStyle = "#F2A65A";
   pen.lineWidth = 1.3;
   pen.beginPath();
-  y.forEach((v, k) => pen.lineTo((x[k] - left) / span * wide, high - 6 - (v - low) / (top - low) * (high - 24)));
+  let down = false; // the pen: lifted over numbers that there are not
+  y.forEach((v, k) => {
+    const at = [(x[k] - left) / span * wide, high - 6 - (v - low) / (top - low) * (high - 24)];
+    if (!Number.isFinite(v)) down = false; else if (down) pen.lineTo(...at); else { pen.moveTo(...at); down = true; }
+  });
   pen.stroke();
   pen.fillStyle = "#9AA3AD";
   pen.font = `${0.8 * parseFloat(getComputedStyle(document.documentElement).fontSize)}px sans-serif`;
   pen.fillText(label, 6, 13);
+  pen.textAlign = "right";
+  if (along) pen.fillText(`${along} ${number(left)} … ${number(left + span)}`, wide - 6, high - 10);
 }
 
 // A film that is in this page
@@ -935,7 +948,7 @@ const TRY_AGAIN = 1000, PART = 2 ** 17, HISTORY = 240;
 
 class Live {
   constructor() {
-    Object.assign(this, { state: null, table: null, gap: 16, arrived: 0, place: null, role: "", history: [], stroke: false });
+    Object.assign(this, { state: null, table: null, gap: 16, arrived: 0, place: null, role: "", history: [], stroke: false, mode: "", ruled: null });
     this.picture = new Picture($("canvas"));
     this.picture.look.color = "kind";
     this.hand = new Hand(this.picture, this);
@@ -1018,23 +1031,63 @@ class Live {
       const share = Math.min(1, (performance.now() - this.arrived) / Math.max(8, this.gap));
       if (share !== picture.share) { picture.share = share; picture.stale = true; }
     }
-    picture.extra = this.cursor();
+    if (this.ruled?.fresh && this.stroke) { this.ruled.fresh = false; this.say("rule", ...this.ruled.line); }
+    if (this.follow) this.track();
+    picture.extra = [...this.overlay(), ...this.cursor()];
     if (picture.draw()) { picture.labels(); this.frames = (this.frames ?? 0) + 1; }
-    if (this.fresh && !this.stroke) { this.fresh = false; if (this.pointed && this.inspect) tip(picture, this.pointed); }
+    if (this.fresh && !this.stroke) { this.fresh = false; if (this.pointed && this.mode === "inspect") tip(picture, this.pointed); }
+  }
+
+  disc(id) { return this.newest && this.picture.x ? this.newest.roster.grain.indexOf(id) : -1; } // row of a grain's first one
+
+  track() { // the camera goes with a grain
+    const { picture } = this, k = this.disc(this.state?.watched.grain?.id ?? -1);
+    if (k < 0) return;
+    const [x, y] = [picture.x[k], picture.y[k]], now = picture.camera;
+    if (now && now.x === x && now.y === y) return;
+    picture.camera = { x, y, zoom: now?.zoom ?? 3 };
+    picture.stale = true;
+  }
+
+  overlay() { // the grain that is inspected and what presses it, the ruler, the slope that was fitted
+    const { picture, state, newest } = this, lines = [], line = this.ruled?.line ?? state?.watched.line?.ends, label = $("ruler");
+    if (!state || !newest) return lines;
+    const { ratio } = picture, wide = 2 * ratio, grain = state.watched.grain, k = grain ? this.disc(grain.id) : -1, scale = picture.map[2];
+    if (k >= 0) {
+      const r = newest.roster.radius[k] + 3 * ratio / scale, most = Math.max(1e-30, ...grain.contacts.map(one => Math.hypot(...one.force)));
+      lines.push(...circle(picture.x[k], picture.y[k], r, ACCENT, wide));
+      const reach = Math.max(2 * newest.scene.diameter, 24 * ratio / scale) / most;
+      for (const { point: [x, y], force: [fx, fy] } of grain.contacts) { // to the contact, as it is pushed
+        const [dx, dy] = [fx * reach, fy * reach];
+        lines.push([x - dx, y - dy, x, y, wide, FORCE]);
+        for (const side of [0.5, -0.5]) lines.push([x, y, x - 0.28 * dx - side * 0.28 * dy, y - 0.28 * dy + side * 0.28 * dx, wide, FORCE]);
+      }
+    }
+    label.hidden = !line;
+    if (!line) return lines;
+    const [x0, y0, x1, y1] = line, size = Math.hypot(x1 - x0, y1 - y0) || 1, tick = 7 * ratio / scale, [nx, ny] = [(y0 - y1) / size * tick, (x1 - x0) / size * tick];
+    const reach = 40 * ratio / scale, turn = Math.atan2(y1 - y0, x1 - x0), flat = Math.abs(turn) > Math.PI / 2 ? Math.sign(turn) * Math.PI : 0;
+    lines.push([x0, y0, x1, y1, wide, VELOCITY], [x0 - nx, y0 - ny, x0 + nx, y0 + ny, wide, VELOCITY], [x1 - nx, y1 - ny, x1 + nx, y1 + ny, wide, VELOCITY]);
+    lines.push([x0, y0, x0 + 1.3 * reach * Math.cos(flat), y0, ratio, VELOCITY]); // the protractor: from the horizontal to the ruler
+    for (let step = 0; step < 16; step++) {
+      const [a, b] = [step, step + 1].map(one => flat + (turn - flat) * one / 16);
+      lines.push([x0 + reach * Math.cos(a), y0 + reach * Math.sin(a), x0 + reach * Math.cos(b), y0 + reach * Math.sin(b), 1.4 * ratio, VELOCITY]);
+    }
+    const fit = state.watched.line?.fit;
+    if (fit) lines.push([...fit.ends, 2.4 * ratio, GROUND], [...fit.ends, 1.6 * ratio, GOOD]);
+    const [left, low] = picture.map, stage = $("stage").getBoundingClientRect();
+    label.textContent = (state.watched.line?.rows ?? []).filter(([name]) => name !== "across, up").map(row => row.join(" ")).join("\n");
+    label.style.left = `${Math.max(4, Math.min((x1 * scale + left) / ratio + 12, stage.width - label.offsetWidth - 6))}px`;
+    label.style.top = `${Math.max(4, (picture.canvas.height - Math.max(y0, y1, fit?.ends[1] ?? 0, fit?.ends[3] ?? 0) * scale - low) / ratio - label.offsetHeight - 14)}px`;
+    return lines;
   }
 
   cursor() { // the brush, the wall that is being drawn, the string of what is held
     const { picture, state, newest } = this, lines = [];
     if (!state || !this.pointed) return lines;
-    const [x, y] = picture.point(this.pointed), colour = this.stroke ? ACCENT : [154, 163, 173], rim = [];
-    const ring = (r, tint, width) => {
-      for (let k = 0; k < 48; k++) {
-        const [a, b] = [k, k + 1].map(step => step * Math.PI / 24);
-        rim.push([x + r * Math.cos(a), y + r * Math.sin(a), x + r * Math.cos(b), y + r * Math.sin(b), width * picture.ratio, tint]);
-      }
-    };
-    ring(state.size, GROUND, 3.4);
-    ring(state.size, colour, 1.4);
+    if (this.mode) return lines;
+    const [x, y] = picture.point(this.pointed), colour = this.stroke ? ACCENT : [154, 163, 173];
+    const rim = [...circle(x, y, state.size, GROUND, 3.4 * picture.ratio), ...circle(x, y, state.size, colour, 1.4 * picture.ratio)];
     const path = [...(this.stroke && newest?.path || []), [x, y]];
     for (let k = 1; k < path.length; k++) lines.push([...path[k - 1], ...path[k], 2 * picture.ratio, ACCENT]);
     if (this.stroke && newest?.held != null) {
@@ -1046,24 +1099,56 @@ class Live {
 
   // the hand
 
-  press(place, other) { this.stroke = true; this.say("press", ...place, other); }
-  release(place) { this.stroke = false; this.say("release", ...place); }
-  cancel() { this.stroke = false; this.say("cancel"); }
+  press(place, other) {
+    this.stroke = true;
+    if (this.mode === "inspect") {
+      const k = this.picture.under(place);
+      this.say("inspect", k < 0 ? -1 : this.picture.frame.roster.grain[k]);
+    } else if (this.mode === "ruler") this.ruled = { line: [...place, ...place] };
+    else this.say("press", ...place, other);
+  }
+
+  release(place) {
+    this.stroke = false;
+    if (this.ruled) {
+      const [x0, y0] = this.ruled.line;
+      if (Math.hypot(place[0] - x0, place[1] - y0) * this.picture.map[2] > 4) this.say("rule", x0, y0, ...place); else this.say("unrule");
+      this.ruled = null;
+    } else if (!this.mode) this.say("release", ...place);
+  }
+
+  cancel() {
+    this.stroke = false;
+    this.ruled = null;
+    if (!this.mode) this.say("cancel");
+  }
+
+  enter(mode) { // what the hand does besides the tools: it inspects, or measures
+    this.mode = this.mode === mode ? "" : mode;
+    if (this.mode !== "inspect") $("tip").hidden = true;
+    this.picture.stale = true;
+    this.marks();
+  }
+
   size(notches) { this.say("grow", notches); }
 
   hover(event, drawing) {
     this.pointed = event;
-    if (event && drawing) this.place = this.picture.point(event);
+    if (event && drawing && this.ruled) this.ruled = { line: [...this.ruled.line.slice(0, 2), ...this.picture.point(event)], fresh: true };
+    else if (event && drawing && !this.mode) this.place = this.picture.point(event);
     this.picture.stale = true;
-    if (this.inspect && !drawing) tip(this.picture, event); else $("tip").hidden = true;
+    if (this.mode === "inspect" && !drawing) tip(this.picture, event); else $("tip").hidden = true;
   }
 
   key(event) {
     if (!this.table || event.ctrlKey || event.metaKey || event.altKey || event.target.matches?.("input:not([type=range]), select, textarea")) return;
     const name = event.key;
+    if (event.target.matches?.("input") && /^(Arrow|Home|End|Page)/.test(name)) return; // the slider's own
     if (name === "Home") { this.picture.home(); event.preventDefault(); return; }
     if (name === "h") { this.help(); return; }
-    if (name === "q") { this.inspect = !this.inspect; return; }
+    const mode = { k: "inspect", "'": "ruler" }[name];
+    if (mode) { this.enter(mode); event.preventDefault(); return; }
+    if (name === "Escape" && this.mode) { this.enter(this.mode); return; }
     if (name === " " && event.target.matches?.("button, summary")) return;
     if (name === "Escape" || !this.table.keys.some(key => key[0] === name)) return;
     event.preventDefault();
@@ -1090,7 +1175,8 @@ class Live {
 
   help() {
     if (this.dialog.open) { this.dialog.close(); return; }
-    const rows = [...this.table.keys, ["Home", "Home", "the whole picture; wheel or two fingers zoom, the middle button pans, shift and wheel size the brush", "views"], ["q", "q", "numbers of the grain under the pointer", "views"]];
+    const rows = [...this.table.keys, ["Home", "Home", "the whole picture; wheel or two fingers zoom, the middle button pans, shift and wheel size the brush", "views"], ["k", "k", "inspect: numbers of the grain under the pointer; a click keeps one in the panel", "views"],
+      ["'", "'", "ruler: draw a line to measure its length and angle, and the slope of the surface below it", "views"]];
     this.dialog.replaceChildren(make("h2", {}, "Keys"), make("table", {}, make("tbody", {}, ...rows.map(([, name, text]) => make("tr", {}, make("td", {}, name), make("td", { style: "text-align:left" }, text))))));
     this.dialog.showModal();
   }
@@ -1148,15 +1234,26 @@ class Live {
     const switches = table.switches.map(([name, text]) => choice(text, () => this.do("look", name, !this.state.look[name]), state => state.look[name]));
     const effects = table.effects.map(name => choice(name, () => this.do("effect", name, !this.state.effects.includes(name)), state => state.effects.includes(name)));
     this.effectSliders = table.knobs.filter(knob => !["accuracy", "world", "tools"].includes(knob.group)).map(slider);
-    this.plots = PLOTS.map(([key, label]) => [make("canvas", { role: "img", ariaLabel: `${label} over time` }), key, label]);
+    this.plots = table.plots.map(one => {
+      const canvas = make("canvas", { role: "img", ariaLabel: `${one.label} ${one.along ? `over ${one.along}` : "over time"}` });
+      return { ...one, canvas, box: make("div", { className: "plot" }, canvas) };
+    });
+    const plots = table.plots.map(({ name, label }) => choice(name, () => this.say("plot", name, !this.state.plots.includes(name)), state => state.plots.includes(name), label));
+    this.grain = make("div");
+    this.ruler = make("div");
+    this.rewind = make("input", { type: "range", min: 0, step: 1, ariaLabel: "rewind to", oninput: () => this.when(), onchange: () => this.do("back", this.state.rewind[this.rewind.value]) });
+    this.kept = make("div", { hidden: true }, make("div", { className: "pair" }, make("span", {}, "rewind to"), make("span")), this.rewind);
     panel.replaceChildren(
-      row("time", this.pause, keyed(",", "▸|"), keyed("-", "slower"), keyed("=", "faster"), keyed("r", "reset"), this.undo, this.redo, press("scenes", () => this.scenes()), press("keys", () => this.help())),
+      row("time", this.pause, keyed(",", "▸|"), keyed("-", "slower"), keyed("=", "faster"), keyed("r", "reset"), this.undo, this.redo, choice("rewind", () => this.do("rewinding", this.state.rewind === null), state => state.rewind !== null, "keep a moment every half a second, to go back to"), press("scenes", () => this.scenes()), press("keys", () => this.help())),
+      this.kept,
       make("h2", {}, "tools"), row("tools", ...tools), this.toolHelp, kinds.length > 1 ? row("kind", this.kind) : "", ...this.toolSliders,
-      make("h2", {}, "view"), row("views", ...views), make("div", { style: "height:.3rem" }), row("parts", ...switches, choice("inspect", () => { this.inspect = !this.inspect; this.marks(); }, () => Boolean(this.inspect), "numbers of the grain under the pointer (q)")), this.swatches,
+      make("h2", {}, "view"), row("views", ...views), make("div", { style: "height:.3rem" }), row("parts", ...switches), this.swatches,
+      make("h2", {}, "measure"), row("measure", choice("inspect", () => this.enter("inspect"), () => this.mode === "inspect", "numbers of the grain under the pointer; a click keeps one here", "k"),
+        choice("ruler", () => this.enter("ruler"), () => this.mode === "ruler", "draw a line: its length and angle, and the slope of the surface below it", "'")), this.grain, this.ruler,
       make("h2", {}, "accuracy"), row("solver", ...["rigid", "md"].map(kind => choice(kind, () => this.do("solver", kind), state => state.solver === kind))), ...of("accuracy"), this.accuracy,
       make("h2", {}, "world"), ...of("world"), row("ranges", choice("unphysical ranges", () => this.say("key", "u"), state => state.opened, keyOf.u[2])),
       make("h2", {}, "effects"), row("effects", ...effects), make("div", { style: "height:.3rem" }), ...this.effectSliders,
-      make("h2", {}, "over time"), ...this.plots.map(([canvas]) => make("div", { className: "plot" }, canvas)),
+      make("h2", {}, "plots"), row("plots", ...plots), make("div", { style: "height:.3rem" }), ...this.plots.map(({ box }) => box),
       make("h2", {}, "files"), row("files", keyed("s", "save"), press("load", () => this.picker.click(), "a checkpoint or a scene file"), keyed("l", "quick load"), keyed("p", "picture"), this.film, this.record, press("scene file", () => this.say("scene_file"))),
       this.lines, table.scene.about ? make("p", { className: "note" }, table.scene.about) : "");
     panel.scrollTop = top;
@@ -1197,13 +1294,51 @@ class Live {
     this.accuracy.replaceChildren(...state.accuracy.map(([label, value, tone]) => make("div", { className: "pair" }, make("span", {}, label), make("span", { className: tone }, value))));
     this.lines.replaceChildren(...(state.look.hud ? state.lines : []).map(([text, tone]) => make("div", { className: tone }, text)));
     this.marks();
-    const { series } = state, last = this.history[this.history.length - 1];
-    if (last && series.time < last.time) this.history = [];
-    if (series.time !== null && (!last || series.time !== last.time)) {
-      this.history.push(series);
+    this.closely(state);
+    this.drawPlots(state);
+  }
+
+  when() { // the time on the slider of what can be gone back to
+    const times = this.state.rewind ?? [];
+    this.kept.firstChild.lastChild.textContent = `${number(times[this.rewind.value] ?? 0)} s`;
+  }
+
+  closely({ watched: { grain, line }, rewind }) { // what is inspected and measured; rewinding
+    const pairs = rows => rows.map(([name, value]) => make("div", { className: "pair" }, make("span", {}, name), make("span", {}, value)));
+    const shown = JSON.stringify([grain, line?.rows, this.follow]);
+    if (!grain) this.follow = false;
+    if (shown !== this.shown) {
+      this.shown = shown;
+      const follow = grain && toggle("follow", Boolean(this.follow), () => { this.follow = !this.follow; this.closely(this.state); }, { title: "the picture goes with this grain" });
+      const forget = name => make("button", { type: "button", onclick: () => this.say(...name) }, "forget");
+      this.grain.replaceChildren(...(grain ? [make("h2", {}, `grain ${grain.id}`), ...pairs(grain.rows),
+        ...grain.contacts.map(one => make("div", { className: "note" }, `${one.with}: ${one.text}`)), make("div", { className: "row" }, follow, forget(["inspect", -1]))] : []));
+      this.ruler.replaceChildren(...(line ? [make("h2", {}, "ruler"), ...pairs(line.rows), make("div", { className: "row" }, forget(["unrule"]))] : []));
+    }
+    this.kept.hidden = !(rewind?.length > 1);
+    if (!this.kept.hidden && !this.rewind.matches(":active, :focus")) {
+      this.rewind.max = rewind.length - 1;
+      this.rewind.value = Math.max(0, rewind.findLastIndex(time => time <= (this.newest?.time ?? 0) + 1e-6));
+      this.when();
+    }
+  }
+
+  drawPlots({ time, watched, plots }) {
+    const last = this.history[this.history.length - 1], now = watched.plots;
+    if (last && time < last.time) this.history = [];
+    if (time !== null && (!last || time !== last.time)) {
+      this.history.push({ ...now, time });
       if (this.history.length > HISTORY) this.history.shift();
     }
-    if (this.history.length > 1) for (const [canvas, key, label] of this.plots) plot(canvas, this.history.map(one => one.time), this.history.map(one => one[key]), `${label} ${number(series[key])}`);
+    for (const { box, canvas, name, label, unit, along } of this.plots) {
+      box.hidden = !plots.includes(name);
+      const found = now[name];
+      if (box.hidden || found === undefined) continue;
+      const text = along ? `${label} ${unit}` : `${label}: ${number(found)} ${unit}`;
+      if (along) { if (found[0].length > 1) plot(canvas, ...found, text, along); continue; }
+      const known = this.history.filter(one => one[name] !== undefined);
+      if (known.length > 1) plot(canvas, known.map(one => one.time), known.map(one => one[name]), text, "t [s]");
+    }
   }
 
   marks() {
