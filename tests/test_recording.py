@@ -42,6 +42,37 @@ def test_done_again(recorded: bytes, tmp_path: Path) -> None:
     assert steps_of(path) == 60
 
 
+def test_begun_in_the_middle(tmp_path: Path) -> None:
+    """Tool, brush, ranges and look are those of then, a number goes back to what the scene says, a reset to where the scene began."""
+    grains = [{"radius": 0.01, "count": 20, "fill": "lattice"}, {"radius": [0.006, 0.009], "count": 3, "region": [0, 0.2, 0.2, 0.3]}]
+    session, path = Session(sand.Scene(size=[0.2, 0.3], grains=grains, effects={"friction": {}}), threads=1), tmp_path / "it.record"
+    for action in (["set", "gravity.0", 2.0], ["choose", "pour"], ["kind", 1], ["set", "tool.size", 0.04], ["opened", True], ["mark"]):
+        session.do(action)
+    session.do(["look", "color", "speed"])
+    session.advance(30)
+    recorder = recording.Recorder(session, path)
+    session.do(["undo"])
+    assert session.message == "there is nothing to undo"
+    before = session.sim.count
+    for phase in ("press", "drag", "release"):
+        session.do(["stroke", phase, 0.1, 0.25, 0.0, 0.0])
+        session.advance(10)
+        recorder(session.take_log(), 10)
+    assert session.sim.count > before
+    for action in (["default", "gravity.0"], ["set", "solver.restitution", 1.2]):
+        session.do(action)
+        session.advance(10)
+        recorder(session.take_log(), 10)
+    recorder.hash()
+    session.do(["reset"])
+    session.advance(10)
+    recorder(session.take_log(), 10)
+    assert session.sim.steps == 10 and session.sim.scene.gravity == (0.0, -9.81)
+    recorder.close()
+    *_, (again, _) = recording.replay(recording.read(path), path, "cpu", 1)
+    assert again.digest() == session.digest() and again.look == session.look and again.brush == session.brush
+
+
 def test_a_page_of_it(recorded: bytes, tmp_path: Path) -> None:
     """A film of a recording may be a page; its clock is that of the wall."""
     path, out = tmp_path / "it.record", tmp_path / "it.html"

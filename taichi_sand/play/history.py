@@ -24,6 +24,11 @@ class History:
         while len(self.past) > MOST_STEPS or (len(self.past) > 1 and self.bytes() > MOST_BYTES):
             self.past.pop(0)
 
+    def forget(self) -> None:
+        """Nothing can be undone."""
+        self.past.clear()
+        self.future.clear()
+
     def back(self, now: Snapshot) -> Snapshot | None:
         """The moment before what was done last; None if there is none."""
         return self._move(self.past, self.future, now)

@@ -9,7 +9,7 @@ import json
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,8 @@ from taichi_sand.files.reading import read_bytes
 from taichi_sand.files.writing import Lines
 from taichi_sand.output.film import WRITERS, Progress, destination
 from taichi_sand.play.actions import is_action
-from taichi_sand.play.session import Session, pack
+from taichi_sand.play.chapter import Chapter
+from taichi_sand.play.session import FIRST_TOOL, Session, pack
 from taichi_sand.play.snapshot import Snapshot, from_bytes
 from taichi_sand.play.window.screen import Screen
 from taichi_sand.play.window.shape import Shape
@@ -39,14 +40,23 @@ MOST_STEPS, LONGEST = 1_000_000, 86400.0
 
 
 class Recorder:
-    """Writes down what is done to a session; to be called once a frame. SandError once the disk takes no more: what is there is whole."""
+    """Writes down what is done to a session; to be called once a frame. SandError once the disk takes no more: what is there is whole.
+
+    It may begin while a session is played. What was done before is not in it, and can be undone no more; a reset goes where it would.
+    """
 
     def __init__(self, session: Session, path: Path) -> None:
         self.session, self.written = session, 0  # steps of this frame that are
+        head = {TITLE: FORMAT, "scene": session.home.to_json(), "start": pack(session.moment())}
+        if session.history.past or session.sim.steps:
+            head["reset"] = pack(session.chapter.start)
+        session.history.forget()
+        session.rewind.switch(False)
         session.log, session.before_action = [], self.note
         session.made()
         self.started = self.hashed = time.perf_counter()
-        self.lines = Lines(path, as_line({TITLE: FORMAT, "scene": session.sim.scene.to_json(), "start": pack(session.moment())}))
+        self.lines = Lines(path, as_line(head))
+        self._frame(manner(session), 0)
 
     def __call__(self, actions: list, steps: int) -> None:
         """A frame: these actions, then so many steps."""
@@ -84,9 +94,31 @@ class Recorder:
         self.lines.write(as_line(thing))
 
 
-def read(path: Path) -> tuple[Snapshot, Scene, list]:
-    """The start of a recording, the scene that was opened, and the lines that follow: [actions, steps, wall time] or {"hash": …}. A last
-    line that was cut off as it was written is left out.
+def manner(session: Session) -> list[list]:
+    """Actions by which a session that has just opened the same scene gets the tool, brush and look of this one."""
+    brush, look = session.brush, Chapter(session.home).look
+    tables = session.sim.scene.grains
+    first = next((number for number, table in enumerate(tables) if not table.fixed), 0)
+    found: list[list] = [["opened", True]] if session.opened else []
+    if session.tool != FIRST_TOOL:
+        found.append(["choose", session.tool])
+    if brush.kind != first:
+        found.append(["kind", (brush.kind - first) % len(tables)])
+    found += [["set", f"tool.{name}", getattr(brush, name)] for name, value in brush.first.items() if getattr(brush, name) != value]
+    return found + [["look", name, value] for name, value in session.look.items() if value != look[name]]
+
+
+class Recorded(NamedTuple):
+    """A recording."""
+
+    start: Snapshot
+    scene: Scene  # that was opened
+    lines: list  # [actions, steps, wall time] or {"hash": …}
+    reset: Snapshot | None  # where a reset goes to, if not to the start
+
+
+def read(path: Path) -> Recorded:
+    """A recording. A last line that was cut off as it was written is left out.
 
     Raises:
         SandError: the file is damaged, or no recording.
@@ -97,12 +129,13 @@ def read(path: Path) -> tuple[Snapshot, Scene, list]:
         if (version := head[TITLE]) != FORMAT:
             raise SandError(f"a recording of format {version}, of another taichi-sand; this one reads format {FORMAT}")
         start, scene = from_bytes(base64.b64decode(head["start"])), Scene.from_json(head["scene"])
+        reset = from_bytes(base64.b64decode(head["reset"])) if "reset" in head else None
     last = 0.0
     for number, line in enumerate(rest, 2):
         if not (is_frame(line, last) or (isinstance(line, dict) and isinstance(line.get("hash"), str))):
             raise SandError(f"{path}: line {number} of the recording is damaged")
         last = line[2] if isinstance(line, list) else last
-    return start, scene, rest
+    return Recorded(start, scene, rest, reset)
 
 
 def is_frame(line: Any, last: float) -> bool:
@@ -113,18 +146,19 @@ def is_frame(line: Any, last: float) -> bool:
     return all(map(is_action, actions)) and 0 <= steps <= MOST_STEPS and last <= wall <= LONGEST
 
 
-def replay(recorded: tuple[Snapshot, Scene, list], path: Path, arch: str, threads: int | None) -> Iterator[tuple[Session, float]]:
+def replay(recorded: Recorded, path: Path, arch: str, threads: int | None) -> Iterator[tuple[Session, float]]:
     """Does again what a recording holds; the session after every frame, and the wall time of the frame [s].
 
     Raises:
         PhysicsError: the state is not what it was when it was recorded.
     """
-    start, scene, rest = recorded
     with believing(path, "recording"):
-        session = Session(scene, arch=arch, threads=threads)
-        session.go_to(start)
-    session.chapter.start = session.moment()
-    for number, line in enumerate(rest, 2):
+        session = Session(recorded.scene, arch=arch, threads=threads)
+        session.go_to(recorded.reset or recorded.start)
+        session.chapter.start = session.moment()
+        if recorded.reset:
+            session.go_to(recorded.start)
+    for number, line in enumerate(recorded.lines, 2):
         if isinstance(line, dict):
             if line["hash"] != session.digest():
                 raise PhysicsError(f"{path}: in line {number} the state is not what was recorded")
@@ -143,7 +177,7 @@ def film(path: Path, out: str, *, fps: int, width: int | None, arch: str, thread
     if ending == ".png":
         raise SandError(f"{out}: a recording becomes a film, .mp4 or .gif, a page .html, or a folder of frames")
     recorded = read(path)
-    total = max((line[2] for line in recorded[2] if isinstance(line, list)), default=0.0)
+    total = max((line[2] for line in recorded.lines if isinstance(line, list)), default=0.0)
     with writing.replacing(target, folder=ending == "/") as made, WRITERS[ending](made, fps) as write:
         pictures, shown = Pictures(width), 0
         for session, wall in replay(recorded, path, arch, threads):

@@ -35,6 +35,9 @@ Key = tuple[Chapter, str, tuple[Wall, ...]]
 """What of a simulation its tables and kernels are made for: the scene that was opened, its structure, its first walls."""
 
 
+FIRST_TOOL = "grab"
+
+
 class Session:
     """A scene being played.
 
@@ -73,7 +76,7 @@ class Session:
         self.speed = 1.0
         self.rng = np.random.default_rng(scene.seed)
         self._knobs: tuple = (None, [])
-        self.tool, self.stroke = "grab", None
+        self.tool, self.stroke = FIRST_TOOL, None
         chapter.start = self.moment()
 
     def _enter(self, chapter: Chapter) -> None:

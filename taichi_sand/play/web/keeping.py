@@ -107,7 +107,7 @@ class Keeping(Commands):
         self.let_go()
         if self.recorder is None:
             self.recorder, self.own = Recorder(self.session, files.free_name(self.folder, self.name, ".record")), True
-            self.told = "recording"
+            self.told = "recording; what was done before can be undone no more"
         elif not self.own:
             raise SandError("what is played is recorded already, by --record")
         else:
