@@ -20,8 +20,10 @@ from taichi_sand.world.walls.motion import clocks_of
 
 STARTS = ("row_start", "wall_row_start")
 """Columns that hold rows of the neighbour list."""
-BY_SLOT = (*STARTS, "row_count", "wall_row_count")
+BY_SLOT = (*STARTS, "row_count", "wall_row_count", "strays.first", "strays.partner", "strays.wall_first")
 """Columns with a row a slot, in halves."""
+LINKED = {".0.strays.next": "boulders", ".0.strays.next_partner": "boulders", ".0.strays.wall_next": "boulder_walls"}
+"""Columns with a row for each of some rows of the neighbour list, in halves."""
 
 
 def rooms_of(world: World) -> Rooms:
@@ -43,6 +45,9 @@ def in_larger(name: str, values: np.ndarray, shape: tuple[int, ...], before: Siz
         larger[:] = values[-1]
     if name.endswith(BY_SLOT) and len(values) == 2 * before.capacity:
         rows = before.moved_slots(rows, after)
+    elif name in LINKED:
+        part, row = np.divmod(rows, getattr(before, LINKED[name]))
+        rows = part * getattr(after, LINKED[name]) + row
     elif name.startswith(".0.pairs"):
         rows = before.moved(rows, after) if len(values) % before.half == 0 else before.moved_walls(rows, after)
     if len(rows) and rows.max() >= shape[0]:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from taichi.lang import impl
 from taichi.lang.kernel_impl import Kernel
 
 from taichi_sand.taichi_support import launching
@@ -33,13 +34,31 @@ def timed(self: Kernel, *args: Any, **kwargs: Any) -> Any:
         return None
     known, start = len(self.compiled_kernels), time.perf_counter()
     try:
-        found = call(self, *args, **kwargs)
+        with as_ours(self):
+            found = call(self, *args, **kwargs)
     finally:
         if len(self.compiled_kernels) > known:
             spent["seconds"] += time.perf_counter() - start
     if not kwargs:
         launching.remember(self, args)
     return found
+
+
+@contextmanager
+def as_ours(kernel: Kernel) -> Iterator[None]:
+    """While Taichi's optimiser of control flow is off if `kernel` is one of this package, in a Taichi that somebody else has started too:
+    it keeps numbers over the calls of functions that are compiled by themselves (taichi_support.noinline) and that change them, so that a
+    loop that waits for such a change never ends. LLVM finds all else that it does.
+    """
+    config = impl.current_cfg()
+    theirs = config.cfg_optimization and kernel.func.__module__.startswith(f"{__package__.split('.')[0]}.")
+    if theirs:
+        config.cfg_optimization = False
+    try:
+        yield
+    finally:
+        if theirs:
+            config.cfg_optimization = True
 
 
 def told(self: Kernel, key: Any = None, args: Any = None, arg_features: Any = None) -> None:

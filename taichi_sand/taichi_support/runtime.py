@@ -209,7 +209,7 @@ def launch(arch: str, threads: int | None, precision: int) -> None:
     """ti.init, with an error in words if the backend is not there."""
     kinds = {"cpu": [ti.cpu], "gpu": list(GPUS.values())}.get(arch) or [GPUS[arch]]
     # Taichi's own optimiser of control flow doubles the time to compile (rigid: 3.2 -> 8.6 s), and LLVM's finds all that it does: the
-    # kernels run as fast, to the same bits.
+    # kernels run as fast, to the same bits. (In a Taichi of somebody else it is off while ours are compiled: see compiling.as_ours.)
     options = {"cfg_optimization": False, "log_level": ti.ERROR, "random_seed": 0, **cache_place()}
     options |= {"arch": kinds, "cpu_max_num_threads": threads or cores(), "default_fp": real(precision)}
     with silence():
