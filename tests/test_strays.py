@@ -115,3 +115,20 @@ def test_saved_among_strays(kind: str, tmp_path) -> None:
     again = sand.Simulation.resume(tmp_path / "half.npz", threads=1)
     again.advance_steps(100)
     assert digest(again) == end
+
+
+@pytest.mark.parametrize("kind", SOLVERS)
+def test_walls_that_move_are_set_among_strays(kind: str) -> None:
+    """Where walls move nobody is listed alone: set in the middle of a flight they lose no contact, and taken back neither."""
+    fresh_taichi()
+    sim = bed_and([(0.1, 0.9, -1.2, 0.9), (0.5, 0.5, -0.3, 1.1), (0.9, 0.2, 0.2, 0.7)], kind)
+    strays = []
+    for walls in ([WALL], [WALL, {"points": [[0.38, 0.05], [0.38, 0.2]], "velocity": [-0.2, 0.0]}], [WALL]):
+        sim.set_walls(walls)
+        for _ in range(15):
+            sim.advance_steps(STEPS[kind])
+            pairs = [(min(c.first, c.second), max(c.first, c.second)) for c in listed(sim) if not c.wall]
+            assert len(set(pairs)) == len(pairs) and not overlapping(sim) - set(pairs)
+            strays.append(int(sim.world.strays.count[None]) if sim.world.relists else -1)
+        assert sim.flags() == [] and sim.lost == 0
+    assert max(strays[:15]) > 0 and set(strays[15:]) == {-1}, strays  # tables for walls that move are kept
