@@ -102,19 +102,11 @@ def used_rows(sim: Simulation) -> Callable[[str, np.ndarray], Spans]:
     world = sim.world
     count, half = int(world.count[None]), int(world.pace[None].half)
     base, walls = half * world.half, half * world.half + world.wall_base
-    apart, walls_apart = walls - world.boulders, base + world.half - world.boulder_walls  # of boulders and strays
-    pair_ends, wall_ends = world.blocks.pair_end.to_numpy(), world.blocks.wall_end.to_numpy()
-    ends = [
-        (base, pair_ends, apart),
-        (apart, pair_ends, walls),
-        (walls, wall_ends, walls_apart),
-        (walls_apart, wall_ends, base + world.half),
-    ]
-    used = [(first, int(max([first, *found[(found > first) & (found <= last)]]))) for first, found, last in ends]
-    in_walls = half * world.wall_half - walls
+    pair_end = min(walls, max(base, int(world.blocks.pair_end.to_numpy().max())))
+    wall_end = min(base + world.half, max(walls, int(world.blocks.wall_end.to_numpy().max())))
     pairs = {
-        2 * world.half: used,
-        2 * world.wall_half: [(start + in_walls, end + in_walls) for start, end in used[2:]],
+        2 * world.half: [(base, pair_end), (walls, wall_end)],
+        2 * world.wall_half: [(half * world.wall_half, half * world.wall_half + wall_end - walls)],
         2 * world.capacity: [(half * world.capacity, half * world.capacity + count)],
     }
 

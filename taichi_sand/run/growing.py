@@ -20,12 +20,8 @@ from taichi_sand.world.walls.motion import clocks_of
 
 STARTS = ("row_start", "wall_row_start")
 """Columns that hold rows of the neighbour list."""
-BY_SLOT = (*STARTS, "row_count", "wall_row_count", "strays.first", "strays.partner", "strays.wall_first")
+BY_SLOT = (*STARTS, "row_count", "wall_row_count")
 """Columns with a row a slot, in halves."""
-LINKED = {".0.strays.next": "boulders", ".0.strays.next_partner": "boulders", ".0.strays.wall_next": "boulder_walls"}
-"""Columns with a row for each of some rows of the neighbour list, in halves."""
-FLIGHT = ".0.grid.flight"
-"""Is made by the list build, which follows where tables have other sizes."""
 
 
 def rooms_of(world: World) -> Rooms:
@@ -43,15 +39,10 @@ def in_larger(name: str, values: np.ndarray, shape: tuple[int, ...], before: Siz
     if values.shape == shape or values.ndim != len(shape) or values.shape[1:] != shape[1:]:
         return values
     larger, rows = np.zeros(shape, values.dtype), np.arange(len(values))
-    if name == FLIGHT:
-        return larger
     if name.startswith(".0.carried"):  # the last slot holds what a grain starts with
         larger[:] = values[-1]
     if name.endswith(BY_SLOT) and len(values) == 2 * before.capacity:
         rows = before.moved_slots(rows, after)
-    elif name in LINKED:
-        part, row = np.divmod(rows, getattr(before, LINKED[name]))
-        rows = part * getattr(after, LINKED[name]) + row
     elif name.startswith(".0.pairs"):
         rows = before.moved(rows, after) if len(values) % before.half == 0 else before.moved_walls(rows, after)
     if len(rows) and rows.max() >= shape[0]:
@@ -118,7 +109,6 @@ class Growing:
         clocks = clocks_of(self.world.movers)
         with self.clock.stage("compile"):
             if not structure_fits(self.world, scene):
-                self._list_together()
                 self.first_walls = laid_walls(scene)
                 self._lay_again(rooms_of(self.world), (".0.walls", ".0.movers"))
                 stepping.warm(self.world, self.solver)
@@ -127,15 +117,9 @@ class Growing:
     def _become(self, scene: Scene) -> None:
         """Goes on as `scene`, which has effects more: with tables and kernels of another structure, and all there is in them."""
         with self.clock.stage("compile"):
-            self._list_together()
             self.scene = scene
             self._lay_again(rooms_of(self.world))
             stepping.warm(self.world, self.solver)
-
-    def _list_together(self) -> None:
-        """Nobody is listed by themselves: other tables may have no room for strays."""
-        if self.world.relists:
-            list_again(self.world)
 
     def _lay_again(self, rooms: Rooms, new: tuple[str, ...] = ()) -> None:
         """Makes world, solver and effects anew, with this room at least; what is in tables that there were goes into those there are, but

@@ -9,7 +9,6 @@ from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.extras.hooks import offers
 from taichi_sand.world.motion import close_step
 from taichi_sand.world.search.neighbour_list import build_neighbour_list, progress
-from taichi_sand.world.search.strays import relist
 from taichi_sand.world.sleep.fall_asleep import rearrange, rebuild_neighbour_list
 from taichi_sand.world.sleep.state import called, due_to_sleep
 from taichi_sand.world.sleep.wake import clear_stale_rows, wake_some
@@ -60,21 +59,8 @@ def make_ready(w: ti.template(), s: ti.template()):
                 start_anew(w, s)
             else:
                 w.pace[None].lacking = 2
-    else:
-        if ti.static(w.relists):
-            if w.pace[None].straying == 1 and w.pace[None].spent == 0:
-                relist(w)
-        if w.pace[None].spent == 1:
-            build_neighbour_list(w)
-
-
-@ti.func
-def listing(w: ti.template()):
-    """Whether a list build, or one for single grains, is due."""
-    due = w.pace[None].spent == 1
-    if ti.static(w.relists):
-        due = due or w.pace[None].straying == 1
-    return due
+    elif w.pace[None].spent == 1:
+        build_neighbour_list(w)
 
 
 @ti.func
@@ -124,7 +110,7 @@ def steps_in_one(w: ti.template(), s: ti.template(), steps: ti.i32, most: ti.i32
     for _run in range(1):
         start = w.pace[None].done
         end = start + steps
-        while w.pace[None].lacking == 0 and not due_to_sleep(w) and (called(w) or listing(w) or going_on(w, end)):
+        while w.pace[None].lacking == 0 and not due_to_sleep(w) and (called(w) or w.pace[None].spent == 1 or going_on(w, end)):
             make_ready(w, s)
             if many_woken(w, most) and w.pace[None].done > start:
                 end = w.pace[None].done

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_sand.errors import SandError
-from taichi_sand.run.chains import chains
 from taichi_sand.scene.materials import MOST as MOST_MATERIALS
 from taichi_sand.scene.schema import Scene
 from taichi_sand.world.clumps import MOST
@@ -54,9 +53,6 @@ class Sizes:
     last_end: int  # of links
     ends: int
     last_id: int  # of grains that links know
-    strays: int
-    stray_rows: int
-    stray_wall_rows: int
     least_pause: int  # steps between two looks of the effects that watch the grains; 0 if none does
     most_pause: int
 
@@ -84,9 +80,6 @@ def sizes_of(world: World, kinds: int) -> Sizes:
         last_end=links.of.shape[0] - 1 if links else 0,
         ends=links.of.shape[0] if links else 0,
         last_id=links.slot.shape[0] - 1 if links else 0,
-        strays=world.strays.slot.shape[0] if world.relists else 0,
-        stray_rows=world.boulders,
-        stray_wall_rows=world.boulder_walls,
         least_pause=int(watched),
         most_pause=LATEST * watched,
     )
@@ -145,12 +138,6 @@ INDICES: dict[str, tuple[Bound, Bound] | str] = {
     "links.start": (0, "ends"),
     "links.of": (0, "last_end"),
     "links.count": (0, "links"),
-    "strays.count": (0, "strays"),
-    "strays.slot": (0, "last_slot"),
-    "strays.number": (0, "strays"),
-    **{f"strays.{name}": (0, "stray_rows") for name in ("first", "next", "partner", "next_partner")},
-    **{f"strays.{name}": (0, "stray_wall_rows") for name in ("wall_first", "wall_next")},
-    "strays.speeds": ANY,  # scratch
     "sleep.origin": (0, "last_slot"),
     "sleep.slot": (-1, "last_slot"),
     "sleep.start": (0, "capacity"),
@@ -161,16 +148,12 @@ INDICES: dict[str, tuple[Bound, Bound] | str] = {
     "sleep.state:moved": FLAG,
     "sleep.state:due": FLAG,
     "sleep.state:seen": (0, LATEST),
-    **{
-        f"pace:{name}": FLAG
-        for name in ("strayed", "spent", "impacts", "warm_start", "hit", "half", "short", "hasty", "moved", "noted", "straying")
-    },
+    **{f"pace:{name}": FLAG for name in ("strayed", "spent", "impacts", "warm_start", "hit", "half", "short", "hasty", "moved", "noted")},
     **{f"pace:{name}": (0, LATEST) for name in ("since", "done", "list_builds", "round")},
     "pace:lacking": SAME,
     "pace:on_step": ("least_pause", "most_pause"),
     "struck": (0, LATEST),  # marks of a round
     "near": (0, LATEST),
-    "near_run": (0, LATEST),
     "effects.now:work": (0, 3),
     "effects.now:grain": (-1, LARGEST),
     **{f"effects.fluid.{name}": SAME for name in ("levels", "now:columns", "now:rows", "now:levels", "now:law", "now:wells")},
@@ -273,7 +256,10 @@ def relations(world: World, sizes: Sizes, of: dict[str, np.ndarray]) -> Iterator
     least = np.maximum(1, np.floor(of["box:size"] / of["box:least_cell"])).prod()
     if max(cells, least) + boulder > sizes.last_cell - 1:
         yield f"the grid has {max(cells, int(least))} cells, more than there is room for"
-    yield from chains(world, of)
+    if "pairs.driven" in of:
+        yield _driven(world, of["pairs.driven"], int(of["movers.first"]))
+    if "movers.next" in of:
+        yield _entries(of["movers.site"][: int(of["movers.count"])], of["movers.head"], of["movers.next"])
     if "links.whole" in of and (((of["links.whole"] | of["links.last"]) == 1)[:, None] & (of["links.slots"] < 0)).any():
         yield "links.slots has lost a grain of a link that holds"
     if "sleep.state:awake" in of and of["sleep.state:awake"] + of["sleep.state:asleep"] > of["count"]:
@@ -291,6 +277,31 @@ def _beyond(world: World, name: str, kind: str, start: np.ndarray, end: np.ndarr
     low, high = (part, part + world.wall_base) if kind == "pair" else (part + world.wall_base, part + world.half)
     wrong = (end > start) & ((start < low) | (end > high))
     return f"{name}s run from {start[wrong][0]} to {end[wrong][0]}, beyond their part of the table" if wrong.any() else ""
+
+
+def _entries(site: np.ndarray, head: np.ndarray, following: np.ndarray) -> str:
+    """Whether the moving walls listed at each lattice site are those that lie there, from the last to the first, in words, or ""."""
+    order = np.argsort(site, kind="stable")
+    first = np.diff(site[order], prepend=-1) != 0
+    wanted, last = np.empty(len(site), np.int64), np.full(len(head), -1)
+    wanted[order] = np.where(first, -1, np.roll(order, 1))
+    last[site[order]] = order  # of several the last
+    if (following[: len(site)] != wanted).any() or (head != last).any():
+        return "movers.head and movers.next do not list what movers.site holds"
+    return ""
+
+
+def _driven(world: World, following: np.ndarray, row: int) -> str:
+    """Whether the rows of walls with force, linked from the last one to the first, leave those of walls or run in a circle, or ""."""
+    last = int(world.pairs.first.shape[0])
+    while row >= 0:
+        part, place = divmod(row, world.half)
+        if row >= last:
+            return "pairs.driven runs in a circle"
+        if place < world.wall_base:
+            return "pairs.driven leads to a row that is about no wall"
+        last, row = row, int(following[part * world.wall_half + place - world.wall_base])
+    return ""
 
 
 def _flights(world: World, of: dict[str, np.ndarray], fresh: dict[str, np.ndarray]) -> Iterator[str]:

@@ -5,7 +5,7 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.solvers.flights import go_on, move_on, relative_gravity, shares, time_to_touch
-from taichi_sand.solvers.hits import RUN, each_hit, mark
+from taichi_sand.solvers.hits import each_hit, mark
 from taichi_sand.solvers.impulses import (
     arms,
     friction_bound,
@@ -217,7 +217,7 @@ def warm_start(w: ti.template(), s: ti.template(), c: ti.template(), start, end)
             change = g.wrench[i] * g.mobility[i]
             settle_work(w, s, i, g.wrench[i], change - wrench(w.box[None].gravity * c.step, 0.0) * movable(w, i))
             add(g.twist, i, change)
-            s.struck[i], s.near[i], s.near_run[i // RUN] = 0, 0, 0
+            s.struck[i], s.near[i] = 0, 0
 
 
 @ti.func

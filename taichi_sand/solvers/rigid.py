@@ -16,7 +16,6 @@ import numpy as np
 import taichi as ti
 
 from taichi_sand.solvers.bed import Bed
-from taichi_sand.solvers.hits import RUN
 from taichi_sand.solvers.impacts import collide_all, warm_start
 from taichi_sand.solvers.impulses import (
     store_impulse,
@@ -71,7 +70,6 @@ class Rigid:
     struck: Any  # of a grain: twice the last round of impacts of this step in which it was hit, plus 1 if they moved it; 0 = none, i32
     passed: tuple  # columns of the neighbour list: x, y of what a pair passed on in the last step beside its force, see solvers.noting [N]
     near: Any  # of a grain: twice the last round in which it may have got pairs of a grain that was hit
-    near_run: Any  # of each RUN slots (solvers.hits): the latest of these
     effects: tuple
     step: Any  # ti.func of one step
     renew: Any  # ti.func that starts it anew after grains, walls, the step or who sleeps have changed
@@ -256,7 +254,4 @@ def build(scene: Any, values: dict[str, float], live: dict[str, float], own: lis
     """The solver for a world; `own` holds the columns of the neighbour list that MEMORY asked for, `live` the effects' live parameters."""
     constants = fill_struct(constants_type(world.real, live), {**values, **live})
     struck, near = field_pool.scalars(ti.i32, world.capacity), field_pool.scalars(ti.i32, world.capacity)
-    runs = field_pool.scalars(ti.i32, world.capacity // RUN + 1)
-    return Rigid(
-        constants, own[0], struck, tuple(own[1:]), near, runs, effects, step, renew, any(offers(effect, "heat") for effect in effects)
-    )
+    return Rigid(constants, own[0], struck, tuple(own[1:]), near, effects, step, renew, any(offers(effect, "heat") for effect in effects))

@@ -23,7 +23,6 @@ from taichi_sand.world.search.growth import KINDS, NO_ROOMS, Rooms, Sizes, fores
 from taichi_sand.world.search.images import lay_images
 from taichi_sand.world.search.large_grains import part_boulders
 from taichi_sand.world.search.neighbour_list import LEAST_SKIN, LEAST_SLACK, MOST_REACH, MOST_SKIN, MOST_SLACK
-from taichi_sand.world.search.strays import allocate_strays, may_stray, most_strays, room_for_strays
 from taichi_sand.world.sleep.state import allocate_sleep_state, start_awake
 from taichi_sand.world.tables import (
     LANES,
@@ -162,17 +161,6 @@ def tie(links: np.ndarray | None, pack: Pack, real: Any) -> dict[str, Any]:
     return {"linked": links is not None and len(links) > 0, "links": build_links(links, pack, real)}
 
 
-def empty_numbers(real: Any) -> dict[str, Any]:
-    """What there is one of in every world, as members of one."""
-    return {
-        "pace": field_pool.record(pace_type(real)),
-        "lacks": field_pool.scalars(real, KINDS),
-        "flags": flags.allocate(),
-        "count": field_pool.scalars(ti.i32, ()),
-        "box": field_pool.record(box_type(real)),
-    }
-
-
 def make_world(
     scene: Any,
     pack: Pack,
@@ -202,19 +190,21 @@ def make_world(
     blocks = {"one": 1, "strips": STRIPS, "cells": cells}[layout]
     parts = wall_parts(scene, lengths["least"])
     big = (int((2 * pack.radius > lengths["listed"] * 1.00001).sum()) if boulders else 0, boulders)
-    relists = may_stray(layout, sleeps, kinds[0], boulders > 0, pack, scene)
-    rooms = rooms.joined(room_for_strays(relists, first))
     entries, shares = moving_entries(parts, spacing, sight), capacity + SPARE * min(blocks, STRIPS)
     rooms = foreseen(parts, diameter, len(pack) + room, most_discs(pack), shares, big, entries, rooms)
     sizes, still = sizes_of(rooms, capacity, blocks), cast_parts(parts, spacing, sites, sight, scene.periodic)
     world = World(
         grains=allocate_grains(real, capacity, pack.clumps),
         pairs=allocate_pairs(real, capacity, sizes.half, sizes.wall_half, extra, 3 if sleeps else 2, pack.clumps, *kinds),
-        blocks=allocate_blocks(blocks + (sleeps or rooms.boulders > 0), lanes),
-        grid=allocate_grid(real, capacity, cells, most_summed(layout, sleeps, cells, capacity, sites), most_strays(relists, first)),
+        blocks=allocate_blocks(blocks + (sleeps or boulders > 0), lanes),
+        grid=allocate_grid(real, capacity, cells, most_summed(layout, sleeps, cells, capacity, sites)),
         **lay_walls(scene, parts, still, sites, wall_room, rooms.entries, gpu, real),
         **build_flow(scene, real),
-        **empty_numbers(real),
+        pace=field_pool.record(pace_type(real)),
+        lacks=field_pool.scalars(real, KINDS),
+        flags=flags.allocate(),
+        count=field_pool.scalars(ti.i32, ()),
+        box=field_pool.record(box_type(real)),
         **edges_of(scene, real),
         capacity=capacity,
         **rows_of(sizes, rooms),
@@ -227,8 +217,6 @@ def make_world(
         carried=allocate_carried(real, capacity, carried),
         **lay_materials(scene, real),
         **tie(links, pack, real),
-        relists=relists,
-        strays=allocate_strays(real, capacity, most_strays(relists, first), rooms),
         discs=most_discs(pack),
         layout=layout,
         lanes=lanes,

@@ -13,7 +13,6 @@ from taichi_sand.world.extras.grain_rows import beside, new_rows, put_row
 from taichi_sand.world.geometry import distance_to_second, mobility, motion_of, movable, position, velocity
 from taichi_sand.world.motion import speed_squared
 from taichi_sand.world.search.images import folded
-from taichi_sand.world.search.pair_history import clear_links
 from taichi_sand.world.sleep.fall_asleep import wake
 from taichi_sand.world.tables import World
 from taichi_sand.world.walls.motion import held_up
@@ -31,8 +30,6 @@ def put(w: ti.template(), numbers: ti.types.ndarray(), whole: ti.types.ndarray()
         put_row(w, whole, numbers, k, i)
         for half in ti.static(range(2)):  # nobody remembers a pair of a grain that was not there
             w.pairs.row_count[half * w.capacity + i], w.pairs.wall_row_count[half * w.capacity + i] = 0, 0
-            if ti.static(w.relists):
-                clear_links(w, half * w.capacity + i)
 
 
 @ti.kernel

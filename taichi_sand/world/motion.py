@@ -119,8 +119,6 @@ def drift(w: ti.template(), start, end):
         shift = g.shift[i] + v * step
         g.shift[i] = shift
         off = shift - g.start_velocity[i] * time
-        if ti.static(w.relists):
-            off -= g.start_shift[i]
         away = off.dot(off)
         if ti.static(w.turns):
             add(g.turn, i, spin(w, i) * step)
@@ -146,10 +144,5 @@ def close_step(w: ti.template()):
         if ti.static(w.yields):
             patience = ti.select(pace[None].short == 2, GROWTH_STEPS, SETTLING_STEPS)
             late = late or (pace[None].short > 0 and pace[None].since >= patience)
-        if ti.static(w.relists):
-            if pace[None].strayed == 1 or ti.cast(pace[None].since + 1, w.real) * pace[None].step > pace[None].soonest:
-                pace[None].straying = 1
-        elif pace[None].strayed == 1:
-            late = True
-        if late or pace[None].hasty == 1:
+        if late or pace[None].strayed == 1 or pace[None].hasty == 1:
             pace[None].spent = 1

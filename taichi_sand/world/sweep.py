@@ -46,7 +46,7 @@ def sweep(w: ti.template(), pair: ti.template(), grain: ti.template(), s: ti.tem
 def sweep_boulders(
     w: ti.template(), pair: ti.template(), run: ti.template(), grain: ti.template(), s: ti.template(), c: ti.template(), when: ti.template()
 ):
-    """The block of the boulders or strays, by itself before all others; in cells the grain function comes later, with everybody's. `run` is
+    """The block of the boulders, by itself before all others; in cells the grain function comes later, with everybody's. `run` is
     `run_block` for functions of a solver, `sweep_block` for others.
     """
     ti.loop_config(serialize=True)
@@ -54,7 +54,7 @@ def sweep_boulders(
         if when(w):
             b = block_count(w) - 1
             run(w, b, pair, s, c)
-            if ti.static(w.layout != "cells" and not w.relists):  # strays are grains of the other block
+            if ti.static(w.layout != "cells"):
                 grains_of_block(w, b, grain, s, c)
 
 
@@ -196,7 +196,7 @@ def each_pair(w: ti.template(), pair: ti.template(), s: ti.template(), c: ti.tem
 @ti.func
 def each_grain(w: ti.template(), grain: ti.template(), s: ti.template(), c: ti.template()):
     """grain(w, s, c, start, end) on all grains, in the chunks that suit the layout."""
-    if ti.static(w.boulders > 0 and not w.relists):
+    if ti.static(w.boulders > 0):
         sweep_boulders(w, (), run_block, grain, s, c, going)
     if ti.static(w.layout == "one"):
         grains_of_block(w, 0, grain, s, c)

@@ -134,8 +134,6 @@ class World:
     links: Any  # world.links.Links, or None if none does
     boulders: int  # rows for the pairs of boulders, the last of those before `wall_base`; 0 = there are none
     boulder_walls: int  # and for those with walls, the last of a half
-    relists: bool  # whether single grains are listed anew between two list builds
-    strays: Any  # those grains, or None if none are
     discs: int  # of the grain that has most
     rows: int  # of the neighbour list, a grain
     wall_rows: int  # and of its part for walls
@@ -158,11 +156,6 @@ def pace_type(real: Any) -> Any:
         since=ti.i32,  # steps since the list build
         strayed=ti.i32,  # 1 = a grain, or a wall that moves, is off its foreseen path by half the skin
         spent=ti.i32,  # 1 = list build before the next step
-        straying=ti.i32,  # 1 = before the next step some grains are to be listed anew
-        soonest=real,  # time since the list build when the first flight ends that was foreseen for a single grain [s]
-        centre_x=real,  # velocity that those of most grains differ from by `spread` at most [m/s]
-        centre_y=real,
-        spread=real,
         impacts=ti.i32,  # rigid: 1 = some pair may collide in this step
         warm_start=ti.i32,  # rigid: 1 = the impulses carried over are yet to be applied in this step
         hit=ti.i32,  # rigid: 1 = some pair did, in the last round

@@ -31,8 +31,6 @@ class Grains(NamedTuple):
     offset: Annotated[Any, Column(2)]  # place within the site at the last list build, from its centre [m]
     shift: Annotated[Any, Column(2, lasts=False)]  # moved since the last list build [m]
     start_velocity: Annotated[Any, Column(2, rests=False)]  # velocity at the last list build, with which it foresaw a straight flight [m/s]
-    start_shift: Annotated[Any, Column(2, lasts=False)]  # where that flight is traced back to at the last list build, from there; not 0 of
-    #                                                      one that was listed anew since (world.search.strays) [m]
     twist: Annotated[Any, Column(4, rests=False)]  # motion: velocity x, y [m/s], spin [rad/s], 0: one instruction moves it
     mobility: Annotated[Any, Column(4, rests=False)]  # 1/mass, 1/mass [1/kg], 1/moment of inertia [1/(kg m2)], 0; zeros = fixed
     wrench: Annotated[Any, Column(4, rests=False)]  # contact force x, y and torque of this step [N, N, N m] (md), or the contact impulses

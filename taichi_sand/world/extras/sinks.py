@@ -31,17 +31,9 @@ def build_flow(scene: Any, real: Any) -> dict[str, Any]:
 @ti.func
 def drain(w: ti.template(), i, p):
     """Takes grain i, at p, out if its centre is in a sink and it can move; the list build then drops it."""
-    if in_sink(w, i, p):
-        w.grains.id[i] = -1
-        w.flow.sunk[None] += 1
-
-
-@ti.func
-def in_sink(w: ti.template(), i, p):
-    """Whether the centre of grain i, at p, is in a sink, and it can move."""
-    found = False
     for k in range(w.flow.sink.shape[0]):
         box = w.flow.sink[k]
         within = p.x >= box.x and p.y >= box.y and p.x <= box.z and p.y <= box.w
-        found = found or (within and w.grains.id[i] >= 0 and w.grains.mobility[i].x > 0.0)
-    return found
+        if within and w.grains.id[i] >= 0 and w.grains.mobility[i].x > 0.0:
+            w.grains.id[i] = -1
+            w.flow.sunk[None] += 1

@@ -29,16 +29,13 @@ class Grid(NamedTuple):
     columns: Any  # cells along x, 0-D i32
     rows: Any  # cells along y, 0-D i32
     cell_size: Any  # 0-D 2-vector [m]
-    flight: Any  # position at the list build and velocity of each grain, rounded: enough to tell who is far; behind them those of strays,
-    #              traced back to the list build; shape (capacity + strays + ABREAST,), 4-vectors
+    flight: Any  # position and velocity of each grain, rounded: enough to tell who is far, shape (capacity + ABREAST,), 4-vectors
     whole: Any  # scratch for the whole numbers of a grain and its cell, shape (capacity,), i32 vectors
     number: Any  # scratch for the others, vectors
 
 
-def allocate_grid(real: Any, capacity: int, cells: int, summed: int, strays: int) -> Grid:
-    """Empty grid for up to `cells` cells and `strays` grains that are listed by themselves, with scratch for the prefix sums of up to
-    `summed` rows.
-    """
+def allocate_grid(real: Any, capacity: int, cells: int, summed: int) -> Grid:
+    """Empty grid for up to `cells` cells, with scratch for the prefix sums of up to `summed` rows."""
     return Grid(
         start=field_pool.scalars(ti.i32, cells + 2),
         sums=field_pool.scalars(ti.i32, scratch_rows(summed)),
@@ -47,7 +44,7 @@ def allocate_grid(real: Any, capacity: int, cells: int, summed: int, strays: int
         columns=field_pool.scalars(ti.i32, ()),
         rows=field_pool.scalars(ti.i32, ()),
         cell_size=field_pool.vectors(2, real, ()),
-        flight=field_pool.vectors(4, real, capacity + strays + ABREAST, layout=ti.Layout.SOA),
+        flight=field_pool.vectors(4, real, capacity + ABREAST, layout=ti.Layout.SOA),
         whole=field_pool.vectors(CELL + 1, ti.i32, capacity),
         number=field_pool.vectors(len(NUMBERS), real, capacity),
     )
@@ -70,8 +67,6 @@ def anchor(w: ti.template(), i):
     g.site[i] = site
     g.shift[i] = ti.Vector([0.0, 0.0])
     g.start_velocity[i] = velocity(w, i)
-    if ti.static(w.relists):
-        g.start_shift[i] = ti.Vector([0.0, 0.0])
     if ti.static(w.turns):
         angle = g.angle[i] + g.turn[i]
         g.angle[i] = angle - 2 * ti.math.pi * ti.floor(angle / (2 * ti.math.pi) + 0.5)
@@ -120,7 +115,7 @@ def cell_of(w: ti.template(), i):
 @ti.func
 def cell_count(w: ti.template()):
     """Cells, the one for boulders, the last, included."""
-    return w.grid.columns[None] * w.grid.rows[None] + ti.static(int(w.boulders > 0 and not w.relists))
+    return w.grid.columns[None] * w.grid.rows[None] + ti.static(int(w.boulders > 0))
 
 
 @ti.func

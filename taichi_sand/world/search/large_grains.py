@@ -55,8 +55,8 @@ def list_boulders(w: ti.template()):
         row = half * w.capacity + i
         next_p = list_around(w, i, p, last)
         for j in range(i + 1, end):
-            next_p = list_pair(w, i, j, next_p, last, 1, False)
-        next_q = list_walls(w, i, q, last_q, True, False)
+            next_p = list_pair(w, i, j, next_p, last, 1)
+        next_q = list_walls(w, i, q, last_q, True)
         pairs.row_start[row], pairs.row_count[row] = p, next_p - p
         pairs.wall_row_start[row], pairs.wall_row_count[row] = q, next_q - q
         p, q = next_p, next_q

@@ -17,7 +17,6 @@ from taichi_sand.world.search.large_grains import is_boulder, list_boulders
 from taichi_sand.world.search.pair_history import carry
 from taichi_sand.world.search.prefix_sum import prefix_sum
 from taichi_sand.world.search.sleeper_candidates import list_sleepers
-from taichi_sand.world.search.strays import is_stray, list_strays, most_of, part_strays
 from taichi_sand.world.search.wall_candidates import list_walls
 from taichi_sand.world.sleep.state import call_by_walls, settle, translate
 from taichi_sand.world.tables import CHUNK, FAR, SPARE, STRIPS
@@ -70,11 +69,8 @@ def foresee(w: ti.template()):
     box = w.box[None]
     start_images(w)
     low, high = anchor_all(w)
-    nearing, fastest = (high - low).norm(), ti.max(ti.abs(low), ti.abs(high)).norm()
-    if ti.static(w.relists):
-        nearing, fastest = most_of(w, low, high)
     pace = w.pace[None]
-    approach = nearing * pace.step
+    approach = (high - low).norm() * pace.step
     if ti.static(w.sheared):
         approach += ti.abs(w.shear[None].speed) * pace.step
     d = box.diameter
@@ -82,7 +78,7 @@ def foresee(w: ti.template()):
     ahead = ti.min(STEPS_AHEAD * approach, ti.max(GOOD_SLACK * d, approach))
     slack = ti.min(ti.max(ahead, LEAST_SLACK * d), MOST_SLACK * d)
     pace.skin = skin
-    fastest *= pace.step
+    fastest = ti.max(ti.abs(low), ti.abs(high)).norm() * pace.step
     pushing = ti.Vector([0.0, 0.0])
     if ti.static(w.moves):
         ti.loop_config(serialize=True)
@@ -92,7 +88,7 @@ def foresee(w: ti.template()):
     pace.horizon = ti.min(slack / (approach + 1e-20), 2.0 * MOST_SLACK * d / (fastest + 1e-20)) * pace.step
     pace.grown = ti.cast(pace.since, w.real) * pace.step * pace.growth
     pace.settled = ti.cast(pace.since, w.real) * pace.step * pace.settling
-    pace.since, pace.strayed, pace.spent, pace.short, pace.straying = 0, 0, 0, 0, 0
+    pace.since, pace.strayed, pace.spent, pace.short = 0, 0, 0, 0
     pace.list_builds += 1
     pace.impacts = 1
     pace.half = 1 - pace.half
@@ -111,22 +107,10 @@ def assign_cells(w: ti.template()):
     for i in range(present(w)):
         gone = outside(w, i)
         cell = cell_of(w, i)
-        if ti.static(w.boulders > 0 and not w.relists):
+        if ti.static(w.boulders > 0):
             if is_boulder(w, i):
                 cell = cell_count(w) - 1
         w.grid.cell[i] = cell_count(w) if gone else cell
-
-
-@ti.func
-def list_block_walls(w: ti.template(), start, end, q, last):
-    """Lists the grains start .. end-1 with walls. Returns the next row."""
-    pairs = ti.static(w.pairs)
-    row = q
-    for i in range(start, end):
-        slot, first = w.pace[None].half * w.capacity + i, row
-        row = list_walls(w, i, first, last, True, False)
-        pairs.wall_row_start[slot], pairs.wall_row_count[slot] = first, row - first
-    return row
 
 
 @noinline
@@ -148,23 +132,21 @@ def list_block(w: ti.template(), b: ti.i32):
     elif ti.static(w.layout == "cells"):  # too small for a fixed room: they have been counted
         top, q = first + blocks.pair_end[b], first_q + blocks.wall_end[b]
     blocks.pair_start[b], blocks.wall_start[b] = top, q
+    end = top
     for lane in range(lanes):
-        blocks.lane_end[b * lanes + lane] = top + lane
-    for k in range(run * lanes):  # the runs side by side, as their rows are
-        lane = k % lanes
-        i = start + lane * run + k // lanes
-        if i < start + ti.min((lane + 1) * run, count):
-            row, p = half * w.capacity + i, blocks.lane_end[b * lanes + lane]
-            next_p = p
-            if not is_stray(w, i):
-                next_p = list_neighbours(w, i, p, last, lanes)
+        p = top + lane
+        for k in range(lane * run, ti.min((lane + 1) * run, count)):
+            i = start + k
+            row = half * w.capacity + i
+            pairs.row_start[row], pairs.wall_row_start[row] = p, q
+            next_p = list_neighbours(w, i, p, last, lanes)
             if ti.static(w.sleeps):
                 next_p = list_sleepers(w, i, next_p, last, lanes)
-            pairs.row_start[row], pairs.row_count[row] = p, (next_p - p) // lanes
-            blocks.lane_end[b * lanes + lane] = next_p
-    q, end = list_block_walls(w, start, start + count, q, last_q), top
-    for lane in range(lanes):
-        end = ti.max(end, blocks.lane_end[b * lanes + lane] - lane)
+            next_q = list_walls(w, i, q, last_q, True)
+            pairs.row_count[row], pairs.wall_row_count[row] = (next_p - p) // lanes, next_q - q
+            p, q = next_p, next_q
+        blocks.lane_end[b * lanes + lane] = p
+        end = ti.max(end, p - lane)
     blocks.pair_end[b], blocks.wall_end[b] = end, q
     if end > last:
         lack(w, PAIRS, end - first, last - first)
@@ -186,7 +168,7 @@ def share_out(w: ti.template()):
                 pairs = list_neighbours(w, i, pairs, 0, 0)
                 if ti.static(w.sleeps):
                     pairs = list_sleepers(w, i, pairs, 0, 0)
-                walls = list_walls(w, i, walls, 0, False, False)
+                walls = list_walls(w, i, walls, 0, False)
         blocks.pair_end[b], blocks.wall_end[b] = pairs, walls
     prefix_sum(blocks.pair_end, w.grid.sums, True)
     prefix_sum(blocks.wall_end, w.grid.sums, True)
@@ -252,8 +234,6 @@ def build_neighbour_list(w: ti.template()):
     assign_cells(w)
     sort(w)
     permute(w, count)
-    if ti.static(w.relists):
-        part_strays(w)
     if ti.static(w.sleeps):
         translate(w)
     if ti.static(w.linked):
@@ -273,14 +253,12 @@ def list_all(w: ti.template()):
                 call_by_walls(w)
     if ti.static(w.layout == "cells"):
         share_out(w)
-    if ti.static(w.boulders > 0 and not w.relists):
+    if ti.static(w.boulders > 0):
         ti.loop_config(serialize=True)
         for _run in range(1):
             list_boulders(w)
     if ti.static(w.layout == "one"):
         list_block(w, 0)
-        if ti.static(w.relists):
-            list_strays(w)
     elif ti.static(w.layout == "strips"):
         for k in range(STRIPS * CHUNK):
             if k % CHUNK == 0:

@@ -14,10 +14,6 @@ BEYOND, ALIKE = 1e29, 0.99
 disc slides from one to the other, are one surface to it."""
 
 
-ROWS_AT_ONCE = 8
-"""Rows of a grain that are looked through together: few have more, and a loop that always ends at once costs a processor no guess."""
-
-
 @ti.func
 def discs_of(w: ti.template(), row):
     """Which discs of its grains a row is about."""
@@ -28,135 +24,23 @@ def discs_of(w: ti.template(), row):
 
 
 @ti.func
-def other_way(discs):
-    """Which discs a row is about if it lists the grains the other way round."""
-    return discs % MOST * MOST + discs // MOST
-
-
-@ti.func
-def remember(w: ti.template(), row, i, j, stray: ti.template()):
-    """Gives the pair of i and j the memory it had before the list build; none if it is new, as it is where a `stray` is listed later on.
-
-    It was listed with the grain of the lower slot first, as cells are looked at in the order of the slots; but for those across a periodic
-    edge, of boulders and of sleepers.
-    """
-    old = -1
-    if not later(w, stray):
-        old = row_of(w, 1 - w.pace[None].half, w.grid.source[i], w.grid.source[j], discs_of(w, row))
+def remember(w: ti.template(), row, i, j):
+    """Gives the pair of i and j the memory it had before the list build; none if it is new."""
+    discs = discs_of(w, row)
+    old = recall(w, w.pairs.row_start, w.pairs.row_count, w.grid.source[i], w.grid.source[j], discs, w.lanes)
+    if old < 0:
+        discs = discs % MOST * MOST + discs // MOST
+        old = recall(w, w.pairs.row_start, w.pairs.row_count, w.grid.source[j], w.grid.source[i], discs, w.lanes)
     carry(w, row, old)
     yield_deep(w, row, old, w.pairs.gap[row])
 
 
 @ti.func
-def later(w: ti.template(), stray: ti.template()):
-    """Whether there has been a step since the list build: what is listed now, of a `stray`, has not been listed before."""
-    after = False
-    if ti.static(stray):
-        after = w.pace[None].since > 0
-    return after
-
-
-@ti.func
-def row_of(w: ti.template(), half, i, j, discs):
-    """Row of the pair of slots i and j in this half of the neighbour list; -1 if there is none."""
-    one, two, these = i, j, discs
-    if one > two:
-        one, two, these = j, i, other_way(discs)
-    row = recall(w, half, w.pairs.row_start, w.pairs.row_count, one, two, these, w.lanes)
-    if ti.static(w.periodic[0] or w.periodic[1] or (w.boulders > 0 and not w.relists) or w.sleeps):
-        if row < 0:
-            row = recall(w, half, w.pairs.row_start, w.pairs.row_count, two, one, other_way(these), w.lanes)
-    if ti.static(w.relists):
-        if row < 0:
-            row = row_of_stray(w, half, i, j, False)
-        if row < 0:
-            row = row_of_stray(w, half, j, i, False)
-    return row
-
-
-@ti.func
-def is_listed(w: ti.template(), i, j):
-    """Whether grains i and j are listed already."""
-    return row_of(w, w.pace[None].half, i, j, 0) >= 0
-
-
-@ti.func
-def first_row(w: ti.template(), half, wall: ti.template()):
-    """First of the rows of strays in a half of the neighbour list."""
-    return (half + 1) * w.half - w.boulder_walls if ti.static(wall) else half * w.half + w.wall_base - w.boulders
-
-
-@ti.func
-def is_listed_with(w: ti.template(), i, part, stray: ti.template()):
-    """Whether grain i, a `stray`, is listed with this part of a wall already."""
-    listed = False
-    if ti.static(stray):
-        listed = wall_row_of(w, w.pace[None].half, i, part, 0) >= 0
-    return listed
-
-
-@ti.func
-def horizon_of(w: ti.template(), i, stray: ti.template()):
-    """For how long from now on grain i is foreseen, which may be a `stray` [s]."""
-    horizon = w.pace[None].horizon
-    if ti.static(stray):
-        horizon = w.strays.until[w.strays.number[i] - 1] - w.pace[None].since * w.pace[None].step
-    return horizon
-
-
-@ti.func
-def clear_links(w: ti.template(), slot):
-    """No row is listed for the grain in a slot, counted through both halves, as a stray."""
-    w.strays.first[slot], w.strays.partner[slot], w.strays.wall_first[slot] = 0, 0, 0
-
-
-@ti.func
-def link_row(w: ti.template(), row, i, wall: ti.template()):
-    """This row is the last one that has been listed for stray i."""
-    strays = ti.static(w.strays)
-    half = w.pace[None].half
-    k, slot = row - first_row(w, half, wall), half * w.capacity + i
-    if ti.static(wall):
-        strays.wall_next[half * w.boulder_walls + k], strays.wall_first[slot] = strays.wall_first[slot], k + 1
-    else:
-        partner = half * w.capacity + w.pairs.second[row]
-        strays.next_partner[half * w.boulders + k], strays.partner[partner] = strays.partner[partner], k + 1
-        strays.next[half * w.boulders + k], strays.first[slot] = strays.first[slot], k + 1
-
-
-@ti.func
-def next_row(w: ti.template(), half, link, wall: ti.template()):
-    """Row that a link of a stray leads to, and the link that it has to the next."""
-    row = first_row(w, half, wall) + link - 1
-    following = 0
-    if ti.static(wall):
-        following = w.strays.wall_next[half * w.boulder_walls + link - 1]
-    else:
-        following = w.strays.next[half * w.boulders + link - 1]
-    return row, following
-
-
-@ti.func
-def row_of_stray(w: ti.template(), half, i, second, wall: ti.template()):
-    """Row that was listed for stray i with a second grain, or a part of a wall, in this half; -1 if there is none."""
-    found, slot = -1, half * w.capacity + i
-    link = w.strays.wall_first[slot] if ti.static(wall) else w.strays.first[slot]
-    while link > 0:
-        row, following = next_row(w, half, link, wall)
-        if w.pairs.second[row] == second:
-            found = row
-        link = following
-    return found
-
-
-@ti.func
-def remember_wall(w: ti.template(), row, i, part, two_sided, stray: ti.template()):
-    """Gives a wall pair the memory it had before the list build, see `remember`; a grain also remembers on which side of a line it was.
-    Returns the row it was in, or -1.
+def remember_wall(w: ti.template(), row, i, part, two_sided):
+    """Gives a wall pair the memory it had before the list build; a grain also remembers on which side of a line it was. Returns the row
+    it was in, or -1.
     """
-    old = -1
-    if not later(w, stray):
-        old = wall_row_of(w, 1 - w.pace[None].half, w.grid.source[i], part, discs_of(w, row))
+    old = recall(w, w.pairs.wall_row_start, w.pairs.wall_row_count, w.grid.source[i], part, discs_of(w, row), 1)
     if old >= 0 and two_sided:
         w.pairs.side[wall_row(w, row)] = w.pairs.side[wall_row(w, old)]
     carry(w, row, old)
@@ -164,33 +48,19 @@ def remember_wall(w: ti.template(), row, i, part, two_sided, stray: ti.template(
 
 
 @ti.func
-def wall_row_of(w: ti.template(), half, i, part, discs):
-    """Row of slot i and a part of a wall in this half of the neighbour list; -1 if there is none."""
-    row = recall(w, half, w.pairs.wall_row_start, w.pairs.wall_row_count, i, part, discs, 1)
-    if ti.static(w.relists):
-        if row < 0:
-            row = row_of_stray(w, half, i, part, True)
-    return row
-
-
-@ti.func
-def recall(w: ti.template(), half, row_start: ti.template(), row_count: ti.template(), first, second, discs, apart: ti.template()):
-    """Row of this half that holds these discs of (first, second), slots of its list build; -1 if there is none."""
+def recall(w: ti.template(), row_start: ti.template(), row_count: ti.template(), first, second, discs, apart: ti.template()):
+    """Row of the list build before that held these discs of (first, second), slots of that list build; -1 if there is none."""
     found = -1
-    slot = half * w.capacity + first
+    slot = (1 - w.pace[None].half) * w.capacity + first
     step = apart
     if ti.static(w.sleeps):
         step = 1 if row_start[slot] >= 2 * w.half else apart  # frozen pairs follow one another
     if ti.static(w.boulders > 0):
         step = 1 if row_start[slot] % w.half >= w.wall_base - w.boulders else apart  # so do those of boulders
-    start, last = row_start[slot], row_count[slot] - 1
-    for group in range((last + ROWS_AT_ONCE) // ROWS_AT_ONCE):
-        for k in ti.static(range(ROWS_AT_ONCE)):
-            row = start + ti.min(group * ROWS_AT_ONCE + k, last) * step
-            fits = w.pairs.second[row] == second
-            if ti.static(w.clumps):
-                fits = fits and w.pairs.discs[row] == discs
-            found = ti.select(fits, row, found)
+    for k in range(row_count[slot]):
+        row = row_start[slot] + k * step
+        if w.pairs.second[row] == second and discs_of(w, row) == discs:
+            found = row
     return found
 
 
@@ -210,26 +80,17 @@ def hand_on(w: ti.template(), p, i, distance, normal, take: ti.template()):
     left = distance > BEYOND and pairs.force[p].x != 0.0
     come = ti.static(take) and distance < pairs.contact_distance[p] and pairs.force[p].x == 0.0
     if left or come:
-        half = w.pace[None].half
-        slot = half * w.capacity + i
-        r, following, end = pairs.wall_row_start[slot], 0, pairs.wall_row_start[slot] + pairs.wall_row_count[slot]
-        if ti.static(w.relists):
-            following = w.strays.wall_first[slot]
-        while r < end or following > 0:
-            row = r
-            r += 1
-            if ti.static(w.relists):
-                if row >= end:  # then those that it has got as a stray
-                    row, following = next_row(w, half, following, True)
-            if (left or come) and row != p and discs_of(w, row) == discs_of(w, p):
-                other, way = distance_to_second(w, row, i, True)
-                carries = pairs.force[row].x != 0.0
+        slot = w.pace[None].half * w.capacity + i
+        for r in range(pairs.wall_row_start[slot], pairs.wall_row_start[slot] + pairs.wall_row_count[slot]):
+            if (left or come) and r != p and discs_of(w, r) == discs_of(w, p):
+                other, way = distance_to_second(w, r, i, True)
+                carries = pairs.force[r].x != 0.0
                 if way.dot(normal) > ALIKE:
-                    if left and not carries and other < pairs.contact_distance[row]:
-                        move_memory(w, p, row)
+                    if left and not carries and other < pairs.contact_distance[r]:
+                        move_memory(w, p, r)
                         left = False
                     elif come and carries and other > BEYOND:
-                        move_memory(w, row, p)
+                        move_memory(w, r, p)
                         come = False
 
 

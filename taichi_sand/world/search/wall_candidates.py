@@ -14,73 +14,57 @@ from taichi_sand.world.geometry import (
     wall_row,
     weigh_clumps,
 )
-from taichi_sand.world.search.pair_history import horizon_of, is_listed_with, link_row, remember_wall, yield_deep
+from taichi_sand.world.search.pair_history import remember_wall, yield_deep
 
 
 @ti.func
-def list_walls(w: ti.template(), i, q, last, listing: ti.template(), stray: ti.template()):
-    """Lists the discs of grain i, which may be a `stray`, with the parts of walls that they may meet, or, not `listing`, counts them.
-    Returns the next row.
-    """
+def list_walls(w: ti.template(), i, q, last, listing: ti.template()):
+    """Lists the discs of grain i with the parts of walls that they may meet, or, not `listing`, counts them. Returns the next row."""
     g = ti.static(w.grains)
     walls = ti.static(w.walls)
     row = q
     sites = w.box[None].sites
-    own, _ = site_now(w, i, stray)
-    place = ti.min(ti.max(own, 0), sites - 1)
+    place = ti.min(ti.max(g.site[i], 0), sites - 1)
     if g.mobility[i].x > 0.0:
         site = place.x * sites.y + place.y
         for e in range(walls.start[site], walls.start[site + 1]):
-            row = list_entry(w, i, e, row, last, listing, stray)
+            row = list_entry(w, i, e, row, last, listing)
         if ti.static(w.moves):
             k = w.movers.head[site]
             while k >= 0:
-                row = list_entry(w, i, walls.room + k, row, last, listing, stray)
+                row = list_entry(w, i, walls.room + k, row, last, listing)
                 k = w.movers.next[k]
     return row
 
 
-@ti.func
-def site_now(w: ti.template(), i, stray: ti.template()):
-    """Lattice site of grain i and its offset from there [m]: of a `stray` where it is now, of another one at the last list build."""
-    site, offset = w.grains.site[i], w.grains.offset[i]
-    if ti.static(stray):
-        offset += w.grains.shift[i]
-        hop = ti.floor(offset / w.box[None].spacing + 0.5)
-        offset -= hop * w.box[None].spacing
-        site += ti.cast(hop, ti.i32)
-    return site, offset
-
-
 @noinline
-def list_entry(w: ti.template(), i: ti.i32, e: ti.i32, q: ti.i32, last: ti.i32, listing: ti.template(), stray: ti.template()) -> ti.i32:
+def list_entry(w: ti.template(), i: ti.i32, e: ti.i32, q: ti.i32, last: ti.i32, listing: ti.template()) -> ti.i32:
     """Lists the discs of grain i with entry e of the walls. Returns the next row."""
     row = q
-    site, offset = site_now(w, i, stray)
-    over = ti.cast(site - ti.min(ti.max(site, 0), w.box[None].sites - 1), w.real) * w.box[None].spacing + offset
+    site = w.grains.site[i]
+    over = ti.cast(site - ti.min(ti.max(site, 0), w.box[None].sites - 1), w.real) * w.box[None].spacing + w.grains.offset[i]
     if ti.static(w.clumps):
         for a in range(disc_count(w, i)):
-            row = list_wall(w, i, a, e, w.walls.point[e] - over, row, last, listing, stray)
+            row = list_wall(w, i, a, e, w.walls.point[e] - over, row, last, listing)
     else:
-        row = list_wall(w, i, 0, e, w.walls.point[e] - over, row, last, listing, stray)
+        row = list_wall(w, i, 0, e, w.walls.point[e] - over, row, last, listing)
     return row
 
 
 @ti.func
-def list_wall(w: ti.template(), i, a, e, way, row, last, listing: ti.template(), stray: ti.template()):
+def list_wall(w: ti.template(), i, a, e, way, row, last, listing: ti.template()):
     """Lists disc a of grain i with entry e of the walls, `way` from the grain's centre, if they may meet. Returns the next row."""
     g = ti.static(w.grains)
     walls = ti.static(w.walls)
     pace = w.pace[None]
-    horizon = horizon_of(w, i, stray)
-    near, flight = g.radius[i] + w.box[None].bridge + pace.skin, velocity(w, i) * horizon
+    near, flight = g.radius[i] + w.box[None].bridge + pace.skin, velocity(w, i) * pace.horizon
     along, bounds, slopes, side = walls.along[e], walls.bounds[e], walls.slopes[e], walls.side[e]
     reach, arm = way, ti.Vector([0.0, 0.0])
     if ti.static(w.clumps):
         disc = disc_of(w, i, a)
         arm = turned(w, i, disc.xy)
         reach -= arm
-        near += disc.z - g.radius[i] + at_most(ti.abs(spin(w, i)) * horizon, 2.0) * arm.norm()
+        near += disc.z - g.radius[i] + at_most(ti.abs(spin(w, i)) * pace.horizon, 2.0) * arm.norm()
     beyond = 0.0
     if side >= 0:
         slid = -along.dot(reach)
@@ -93,8 +77,8 @@ def list_wall(w: ti.template(), i, a, e, way, row, last, listing: ti.template(),
         if m >= 0:  # a wall that turns also comes closer where the grain slides along it
             motion = w.movers.start[m]
             hinge = way - walls.point[e] + w.movers.arm[e - walls.room]
-            flight -= point_velocity(motion.xy, motion.z, arm + reach - hinge) * horizon
-            near += ti.abs(motion.z) * horizon * flight.norm()
+            flight -= point_velocity(motion.xy, motion.z, arm + reach - hinge) * pace.horizon
+            near += ti.abs(motion.z) * pace.horizon * flight.norm()
     toward = flight.norm()
     if side >= 0:
         toward = at_least(0.0, flight.dot(reach) / (reach.norm() + 1e-30))
@@ -102,7 +86,7 @@ def list_wall(w: ti.template(), i, a, e, way, row, last, listing: ti.template(),
     next_row = row
     distance = reach.norm()
     meets = distance < near + toward and distance * distance + beyond * beyond < (near + flight.norm()) ** 2
-    if (meets or (side == 1 and along.cross(reach) > 0.0)) and not is_listed_with(w, i, walls.part[e], stray):
+    if meets or (side == 1 and along.cross(reach) > 0.0):
         next_row += 1
         if ti.static(listing):
             if row < last:  # what finds no room is counted all the same (world.search.growth)
@@ -110,15 +94,13 @@ def list_wall(w: ti.template(), i, a, e, way, row, last, listing: ti.template(),
                 pairs.slopes[wall_row(w, row)] = slopes
                 if ti.static(w.moves):
                     pairs.hinge[wall_row(w, row)] = hinge
-                write_wall_row(w, row, i, a, walls.part[e], reach, arm, along, bounds, side, stray)
+                write_wall_row(w, row, i, a, walls.part[e], reach, arm, along, bounds, side)
     return next_row
 
 
 @ti.func
-def write_wall_row(w: ti.template(), row, i, a, part, reach, arm, along, bounds, kind, stray: ti.template()):
-    """One row of the neighbour list for disc a of grain i and a wall part, `reach` from the disc, which is at `arm` from the grain; kept as
-    it was at the last list build.
-    """
+def write_wall_row(w: ti.template(), row, i, a, part, reach, arm, along, bounds, kind):
+    """One row of the neighbour list for disc a of grain i and a wall part, `reach` from the disc, which is at `arm` from the grain."""
     g = ti.static(w.grains)
     pairs = ti.static(w.pairs)
     k = wall_row(w, row)
@@ -137,18 +119,14 @@ def write_wall_row(w: ti.template(), row, i, a, part, reach, arm, along, bounds,
         pairs.mass[row] = 1.0 / g.mobility[i].x
         pairs.root_mass[row] = ti.sqrt(pairs.mass[row])
         pairs.mass_t[row] = 1.0 / (g.mobility[i].x + g.mobility[i].z * g.radius[i] ** 2)
+    pairs.along[k], pairs.bounds[k] = along, bounds
     side = 0.0
     if kind == 1:
         side = 1.0
     elif kind == 0:
         side = -1.0 if along.cross(reach) > 0.0 else 1.0
     pairs.side[k] = side
-    if ti.static(stray):
-        link_row(w, row, i, True)
-        pairs.reach[row] += g.shift[i]
-        bounds += 0.0 if kind == -1 else along.dot(g.shift[i])
-    pairs.along[k], pairs.bounds[k] = along, bounds
-    old = remember_wall(w, row, i, part, kind == 0, stray)
+    old = remember_wall(w, row, i, part, kind == 0)
     distance, normal = distance_to_second(w, row, i, True)
     pairs.normal[row], pairs.gap[row] = normal, distance - pairs.contact_distance[row]
     if ti.static(w.clumps):
