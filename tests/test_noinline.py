@@ -10,9 +10,49 @@ from pathlib import Path
 import pytest
 import taichi as ti
 from helpers import fresh_taichi
+from taichi.lang import impl
 
-from taichi_sand.taichi_support import field_pool, runtime
+from taichi_sand.taichi_support import compiling, field_pool, runtime
 from taichi_sand.taichi_support.noinline import noinline
+
+
+@noinline
+def build(pace: ti.template()):
+    pace[None].spent = 0
+    pace[None].astray = 0
+
+
+@noinline
+def make_ready(pace: ti.template()):
+    if pace[None].astray == 1 and pace[None].spent == 0:
+        build(pace)
+    if pace[None].spent == 1:
+        build(pace)
+
+
+@ti.func
+def listing(pace: ti.template()):
+    due = pace[None].spent == 1
+    due = due or pace[None].astray == 1
+    return due
+
+
+@ti.kernel
+def march(pace: ti.template(), steps: ti.i32) -> ti.i32:
+    """Rounds of a loop like that of run.stepping: it goes on while `spent`, which functions that are compiled by themselves take back."""
+    rounds = 0
+    ti.loop_config(serialize=True)
+    for _run in range(1):
+        end = pace[None].done + steps
+        while rounds < 1000 and (listing(pace) or pace[None].done < end):
+            make_ready(pace)
+            if pace[None].done < end:
+                if pace[None].spent == 0:
+                    pace[None].done += 1
+                    if pace[None].done % 3 == 0:
+                        pace[None].spent = 1
+            rounds += 1
+    return rounds
 
 
 class User:
@@ -147,3 +187,19 @@ def test_compiled_kernels_are_found_again(tmp_path: Path) -> None:
         filed.append(sorted(path.name for path in (tmp_path / "cache").rglob("*.tic")))
     assert filed[0]
     assert filed[0] == filed[1] == filed[2]
+
+
+def test_loops_see_what_functions_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a Taichi that somebody else has started its optimiser of control flow is on, and keeps `spent` over the calls: such a loop of ours
+    would go round for ever.
+    """
+    ti.init(arch=ti.cpu, log_level=ti.ERROR, offline_cache=False)
+    assert impl.current_cfg().cfg_optimization
+    compiling.watch()
+    monkeypatch.setattr(march._primal.func, "__module__", "taichi_sand.tried")  # as a kernel of the package
+    pace = ti.Struct.field(dict.fromkeys(("spent", "done", "astray"), ti.i32), shape=())
+    for steps, rounds in ((0, 1), (5, 5)):
+        pace[None].spent, pace[None].done = 1, 0
+        assert march(pace, steps) == rounds
+        assert (pace[None].spent, pace[None].done) == (0, steps)
+    assert impl.current_cfg().cfg_optimization  # theirs again

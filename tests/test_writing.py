@@ -155,6 +155,20 @@ def test_a_full_disk_ends_a_recording_with_a_whole_line(session: Session, tmp_pa
     assert content(tmp_path) == {"it.record": b"old"}
 
 
+def test_a_recording_that_cannot_begin_leaves_the_session_as_it_was(session: Session, tmp_path: Path) -> None:
+    """What can be undone and gone back to still can, and it is played on."""
+    session.log = session.before_action = None
+    session.do(["mark"])
+    session.do(["rewinding", True])
+    undo, moments = len(session.history.past), session.rewind.times()
+    with disk_of(1000), pytest.raises(sand.SandError, match="cannot be written"):
+        recording.Recorder(session, tmp_path / "it.record")
+    assert (len(session.history.past), session.rewind.times()) == (undo, moments) and undo and moments
+    session.advance(3)
+    session.do(["undo"])
+    assert session.log is None and content(tmp_path) == {}
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 @pytest.mark.parametrize("room", [0, 1000])
 def test_a_full_disk_is_told_before_anything_is_simulated(name: str, room: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

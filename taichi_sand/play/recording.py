@@ -50,13 +50,13 @@ class Recorder:
         head = {TITLE: FORMAT, "scene": session.home.to_json(), "start": pack(session.moment())}
         if session.history.past or session.sim.steps:
             head["reset"] = pack(session.chapter.start)
+        first = [[actions, 0, 0.0]] if (actions := manner(session)) else []
+        self.lines = Lines(path, as_line(head), *map(as_line, first))  # if it cannot be written the session is as it was
         session.history.forget()
         session.rewind.switch(False)
         session.log, session.before_action = [], self.note
         session.made()
         self.started = self.hashed = time.perf_counter()
-        self.lines = Lines(path, as_line(head))
-        self._frame(manner(session), 0)
 
     def __call__(self, actions: list, steps: int) -> None:
         """A frame: these actions, then so many steps."""
