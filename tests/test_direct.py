@@ -84,6 +84,23 @@ def test_one_number_at_a_time(name: str, user: User) -> None:
     assert isinstance(read[0], int | float | ti.Matrix | ti.Vector)
 
 
+def test_rows_of_structs(user: User) -> None:
+    """Members are read and written in the field, one by one or together, and what is none is refused."""
+    kind = ti.types.struct(count=ti.i32, length=ti.f64, place=ti.types.vector(2, ti.f32))
+    field = field_pool.record(kind)
+    row = field[None]
+    row.count, row.place = 3, [0.5, -2.0]
+    assert field.count[None] == 3 and list(own(field.place)) == [0.5, -2.0] and list(row.place) == [0.5, -2.0]
+    field[None] = {"length": 1e-3, "count": -7}
+    assert (row.count, row.length, row.place[1]) == (-7, 1e-3, -2.0)
+    field[None] = kind(count=1, length=2.0, place=[3.0, 4.0])
+    assert (row.count, row.length, list(row.place)) == (1, 2.0, [3.0, 4.0])
+    with pytest.raises(AttributeError, match="no member 'width'"):
+        row.width = 1
+    with pytest.raises(AttributeError, match="no member 'width'"):
+        row.width  # noqa: B018
+
+
 def test_beyond_the_end(user: User) -> None:
     with pytest.raises(IndexError):
         field_pool.scalars(ti.f32, 3)[3]

@@ -76,11 +76,11 @@ class Growing:
 
     def fit_tables(self) -> None:
         """Larger tables, and all pairs listed again, if the last list build found more than there is room for."""
-        lacking = stepping.now(self.world.pace, "lacking")
+        lacking = self.world.pace[None].lacking
         if not lacking:
             return
         with self.clock.stage("compile"):
-            while stepping.now(self.world.pace, "lacking"):
+            while self.world.pace[None].lacking:
                 self.take_room(rooms_of(self.world).larger(self.world.lacks.to_numpy()))
                 self.world.lacks.fill(0)
                 self.world.pace[None].lacking = 0

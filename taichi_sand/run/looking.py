@@ -69,7 +69,7 @@ class Looking:
 
     def _keep_up(self) -> None:
         """Stiffness and step are those for the bed as it is."""
-        self.world.pace.get_member_field("hasty")[None] = 0
+        self.world.pace[None].hasty = 0
         if choose(self.scene.solver.kind).numbers(self.scene, self.bed) != self.numbers:
             self._adopt(self.scene, self.bed, self.over)
 

@@ -233,7 +233,7 @@ class Simulation(Instrument, Growing, Tuning, Watering, Steering, Staged, Callin
         before, start = self.steps, time.perf_counter()
         with self.clock.stage("march"):
             self._march(part)
-        self.steps = int(stepping.now(self.world.pace, "done"))
+        self.steps = int(self.world.pace[None].done)
         self.clock.count(self.count, self.steps - before, self.step)
         self.cadence.took(self.steps - before, time.perf_counter() - start)
         for act, at in pauses:
@@ -241,7 +241,7 @@ class Simulation(Instrument, Growing, Tuning, Watering, Steering, Staged, Callin
                 with self.clock.stage("effects"):
                     act(self.world, self.solver)
         with self.clock.stage("look"):
-            if stepping.now(self.world.pace, "hasty"):
+            if self.world.pace[None].hasty:
                 self._hasten()
             elif self._steps_to_look() == self._look_every():
                 self._look()
@@ -294,7 +294,7 @@ class Simulation(Instrument, Growing, Tuning, Watering, Steering, Staged, Callin
 
     def _set_pace(self) -> None:
         for name in ("step", "speed_cap", "alert", "deep", "growth", "settling", "spare"):
-            self.world.pace.get_member_field(name)[None] = self.numbers.get(name, 0.0)
+            setattr(self.world.pace[None], name, self.numbers.get(name, 0.0))
         self.world.pace[None].on_step = min((steps_within(e.interval, self.step) for e in stepping.step_effects(self.solver)), default=0)
         set_patience(self.world, self.scene)
 

@@ -20,9 +20,10 @@ LAUNCH = 0.1
 DEAREST = 300e-9
 """What a grain and step may cost with all that belongs to it, until it has been measured [s] (measured: 20 to 80 ns, and 240 more where
 every step needs a list build)."""
-FIRST, MANY_WOKEN = 16, 4
-"""The first launch gets a FIRST-th of the steps. One ends early when MANY_WOKEN times as many
-grains are awake as at its start, and 64 more."""
+FIRST, KNOWN, MANY_WOKEN = 16, 2, 4
+"""The first launch gets a FIRST-th of the steps that would take so long if all were as dear, the others, whose cost is known, KNOWN times
+as many at most: what comes between two launches takes 0.4 ms, as nothing of it is in the caches any more. One ends early when MANY_WOKEN
+times as many grains are awake as at its start, and 64 more."""
 DONE, TO_SLEEP, EARLY, LACKING = range(4)
 """Why `steps_in_one` ended: all is done; somebody is to fall asleep; many have woken up; a table is too small."""
 
@@ -36,7 +37,7 @@ class Cadence:
     def steps(self, grains: int) -> int:
         """So many for so many grains awake."""
         most = LAUNCH / (DEAREST * max(1, grains))
-        return max(1, int(min(most, LAUNCH / self.cost) if self.cost else most / FIRST))
+        return max(1, int(min(KNOWN * most, LAUNCH / self.cost) if self.cost else most / FIRST))
 
     def took(self, steps: int, seconds: float) -> None:
         """What a launch has cost; cheaper ones are believed by and by."""
@@ -178,14 +179,9 @@ def renew(world: Any, solver: Any) -> None:
         ti.sync()
 
 
-def now(record: Any, name: str) -> Any:
-    """One number of a 0-D struct: `record[None]` takes 0.2 ms where there are as many as in the pace."""
-    return record.get_member_field(name)[None]
-
-
 def awake(world: Any) -> int:
     """Grains that are computed."""
-    return int(now(world.sleep.state, "awake") if world.sleeps else world.count[None])
+    return int(world.sleep.state[None].awake if world.sleeps else world.count[None])
 
 
 def march(sim: Any, done: int, end: int) -> None:
@@ -204,12 +200,12 @@ def march_in_one(sim: Any, done: int, end: int) -> None:
         else:
             rearrange(sim)
             renew(sim.world, sim.solver)
-        done = now(sim.world.pace, "done")
+        done = sim.world.pace[None].done
 
 
 def march_alone(sim: Any, done: int, end: int) -> None:
     """March of the other layouts: launches of single steps."""
-    every, looked, start, before = now(sim.world.pace, "on_step"), done, time.perf_counter(), done
+    every, looked, start, before = sim.world.pace[None].on_step, done, time.perf_counter(), done
     while True:
         spent, done, hasty = progress(sim.world)
         if every and done % every == 0 and done != looked:
@@ -217,14 +213,14 @@ def march_alone(sim: Any, done: int, end: int) -> None:
             looked = done
         if spent:
             rebuild_neighbour_list(sim)
-        if sim.world.sleeps and now(sim.world.sleep.state, "due"):
+        if sim.world.sleeps and sim.world.sleep.state[None].due:
             rearrange(sim)
             renew(sim.world, sim.solver)
             continue
         if done == end or hasty or (done > before and time.perf_counter() - start > LAUNCH):
             break
         left = end - done
-        sim.world.pace.get_member_field("noted")[None] = int(left == 1)
+        sim.world.pace[None].noted = int(left == 1)
         calms, impacts = may_be_calm(sim.world, sim.solver), sim.world.pace.get_member_field("impacts")
         for _ in range(min(BATCH, max(1, left - 1), every - done % every if every else BATCH)):
             step_alone(sim.world, sim.solver, not calms or bool(impacts[None]))

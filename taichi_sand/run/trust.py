@@ -60,7 +60,7 @@ class Sizes:
 def sizes_of(world: World, kinds: int) -> Sizes:
     """Those of a world with grains of so many kinds."""
     rows, movers, links = world.pairs.first.shape[0], world.movers, world.links
-    watched = world.pace.get_member_field("on_step")[None] > 0  # as many steps as the step, which changes, makes of an interval
+    watched = world.pace[None].on_step > 0  # as many steps as the step, which changes, makes of an interval
     parts = [field.shape[0] for field in (movers and movers.wall, world.walls.friction) if field is not None]
     return Sizes(
         capacity=world.capacity,
@@ -102,8 +102,6 @@ INDICES: dict[str, tuple[Bound, Bound] | str] = {
     **{f"blocks.{kind}_{end}": (0, "rows") for kind in ("pair", "wall") for end in ("start", "end")},
     "blocks.lane_end": (0, "rows"),
     "grid.start": (0, "capacity"),
-    "grid.sums": ANY,  # scratch, as `whole`
-    "grid.whole": ANY,
     "grid.cell": (0, "last_cell"),
     "grid.source": (0, "last_slot"),
     "grid.columns": (1, "last_cell"),

@@ -170,12 +170,16 @@ def depth_of(position: np.ndarray, radius: np.ndarray, mass: np.ndarray, gravity
     density = mass / area
     octave = np.floor(np.log2(density / density.min()) + 1e-3)
     depth, heaviest = 1.0, 0.0
-    for kind in np.unique(octave):
-        floor = np.full(columns, np.inf)
-        np.minimum.at(floor, column[octave == kind], height[octave == kind])
-        reach = np.pad(floor, WINDOW, constant_values=np.inf)
-        floor = np.lib.stride_tricks.sliding_window_view(reach, 2 * WINDOW + 1).min(axis=1)
-        above = np.bincount(column, mass * (height >= floor[column]), columns)
+    kinds = np.unique(octave)
+    for kind in kinds:
+        counted = mass
+        if len(kinds) > 1:
+            floor = np.full(columns, np.inf)
+            np.minimum.at(floor, column[octave == kind], height[octave == kind])
+            reach = np.pad(floor, WINDOW, constant_values=np.inf)
+            floor = np.lib.stride_tricks.sliding_window_view(reach, 2 * WINDOW + 1).min(axis=1)
+            counted = mass * (height >= floor[column])
+        above = np.bincount(column, counted, columns)
         load = float((np.convolve(above, ones, "valid") / held).max())
         depth = max(depth, load / (PACKING * diameter**2 * float(density[octave == kind].min())))
         heaviest = max(heaviest, load)

@@ -17,7 +17,7 @@ import taichi as ti
 from taichi.lang import impl, util
 from taichi.lang.field import Field, ScalarField, SNodeHostAccessor
 from taichi.lang.matrix import MatrixField
-from taichi.lang.struct import StructField
+from taichi.lang.struct import Struct, StructField
 
 PLAIN = os.environ.get("TAICHI_SAND_PLAIN", "0") not in ("", "0")
 """Whether Taichi is to be left as it is, in this and in taichi_support.tracing: slower to start, to the same bits."""
@@ -155,9 +155,46 @@ class Direct(Field):
 class DirectScalars(Direct, ScalarField):
     """A field of numbers."""
 
+    def __getitem__(self, key: Any) -> Any:
+        """One number, in a tenth of the time that Taichi takes to look at `key`."""
+        accessors = self.host_accessors
+        if accessors and type(accessors[0]) is Accessor:
+            return accessors[0].numbers[() if key is None else key].item()
+        return super().__getitem__(key)
+
 
 class DirectVectors(Direct, MatrixField):
     """A field of vectors, or matrices."""
+
+
+class Row:
+    """A row of a field of structs: its members are read and written in the field."""
+
+    def __init__(self, field: StructField, key: Any) -> None:
+        vars(self).update(_field=field, _key=key)
+
+    def __getattr__(self, name: str) -> Any:
+        member = vars(self)["_field"].field_dict.get(name)
+        if member is None:
+            raise AttributeError(f"a row of a field has no member {name!r}")
+        return member[vars(self)["_key"]]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name not in self._field.field_dict:
+            raise AttributeError(f"a row of a field has no member {name!r}")
+        self._field.field_dict[name][self._key] = value
+
+
+class DirectStructs(StructField):
+    """A field of structs: Taichi makes a struct of all members, and functions to set each, to read one of them (0.2 ms for the pace)."""
+
+    def __getitem__(self, key: Any) -> Row:
+        return Row(self, key)
+
+    def __setitem__(self, key: Any, values: Any) -> None:
+        row = self[key]
+        for name, value in (values.to_dict() if isinstance(values, Struct) else values).items():
+            setattr(row, name, value)
 
 
 def adopt(field: Any) -> Any:
@@ -165,6 +202,8 @@ def adopt(field: Any) -> Any:
     if isinstance(field, StructField):
         for member in field._members:
             adopt(member)
+        if not PLAIN:
+            field.__class__ = DirectStructs
     elif not PLAIN:
         field.__class__ = DirectScalars if isinstance(field, ScalarField) else DirectVectors
     return field

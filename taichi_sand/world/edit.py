@@ -110,7 +110,8 @@ def places(world: World) -> tuple[np.ndarray, np.ndarray]:
     numbers, whole = np.zeros((max(count, 1), 4), real_of(world)), np.zeros((max(count, 1), 3), np.int32)
     read_places(world, numbers, whole)
     numbers = numbers[:count].astype(float)
-    numbers[:, :2] = folded(numbers[:, :2], world, world.box.get_member_field("size")[None])
+    if any(world.periodic):
+        numbers[:, :2] = folded(numbers[:, :2], world, world.box[None].size)
     return numbers, whole[:count]
 
 
