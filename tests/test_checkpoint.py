@@ -81,9 +81,10 @@ def test_interrupted_save_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest
 def damage(data: bytes, how: str) -> bytes:
     """A checkpoint with something wrong."""
     middle = len(data) // 2
+    end = middle + 64  # longer than a header within the file, of which not every byte counts
     return {
         "cut": data[:middle],
-        "flipped": data[:middle] + bytes([data[middle] ^ 0xFF]) + data[middle + 1 :],
+        "flipped": data[:middle] + bytes(byte ^ 0xFF for byte in data[middle:end]) + data[end:],
         "empty": b"",
         "text": b"not a checkpoint\n" * 10,
     }[how]

@@ -7,6 +7,7 @@ import pytest
 from helpers import PERIODIC, D, R, listed, simulate
 
 from taichi_sand import SandError
+from taichi_sand.world.search.cell_list import ROOM
 
 SIZE = (0.4, 0.3)
 
@@ -57,6 +58,20 @@ def check(sim, periodic: bool, within: float) -> None:
     assert not missed
     if not periodic:
         assert not edge_pairs(x, r, within) - set(edges)
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_many_small_grains_beside_a_large_one(periodic: bool) -> None:
+    """Cells that the largest grain makes wide hold hundreds of the others: more groups of them than there is room for at once."""
+    small = D / 16
+    heap = np.stack(np.meshgrid(*[0.2 + 1.1 * small * np.arange(24)] * 2), -1).reshape(-1, 2)
+    large = np.stack(np.meshgrid(0.05 + 1.6 * D * np.arange(12), 0.05 + 1.6 * D * np.arange(5)), -1).reshape(-1, 2)
+    rows = [[*place, small / 2, 0, 0] for place in heap] + [[*place, R, 0, 0] for place in (*large, heap[0] - R)]
+    sim = simulate([{"positions": rows}], SIZE, {"kind": "rigid", "step": 1e-6}, edges=PERIODIC if periodic else {})
+    sim.advance_steps(1)
+    found = sim.world.grid.scratch.found.to_numpy()[: sim.count]
+    assert found.max() > ROOM and sim.world.boulders == 0 and sim.flags() == []
+    check(sim, periodic, 0.9 * float(sim.world.pace[None].skin))
 
 
 @pytest.mark.parametrize("precision", [32, pytest.param(64, marks=pytest.mark.slow)])

@@ -5,7 +5,7 @@ from typing import Any
 import taichi as ti
 
 from taichi_sand.solvers.flights import go_on, move_on, relative_gravity, shares, time_to_touch
-from taichi_sand.solvers.hits import each_hit, mark
+from taichi_sand.solvers.hits import each_hit, mark, mark_pair
 from taichi_sand.solvers.impulses import (
     arms,
     friction_bound,
@@ -91,13 +91,11 @@ def ram_all(w: ti.template(), s: ti.template(), c: ti.template()):
 
 @ti.func
 def foresee(w: ti.template(), s: ti.template(), c: ti.template(), p, wall: ti.template()):
-    """Marks the grains of pair p, if it is one whose impact is to be answered."""
-    i, j, _normal, gap, _motion, _lever, speed = meeting(w, p, wall)
+    """Marks pair p, if it is one whose impact is to be answered."""
+    _i, _j, _normal, gap, _motion, _lever, speed = meeting(w, p, wall)
     if hard(w, c, p, gap, speed):
         w.pace[None].hit = 1
-        mark(w, s, i, False)
-        if ti.static(not wall):
-            mark(w, s, j, False)
+        mark_pair(w, s, p, wall)
 
 
 @ti.func
@@ -217,7 +215,7 @@ def warm_start(w: ti.template(), s: ti.template(), c: ti.template(), start, end)
             change = g.wrench[i] * g.mobility[i]
             settle_work(w, s, i, g.wrench[i], change - wrench(w.box[None].gravity * c.step, 0.0) * movable(w, i))
             add(g.twist, i, change)
-            s.struck[i], s.near[i] = 0, 0
+            s.struck[i], s.near[w.grid.cell[i]] = 0, 0
 
 
 @ti.func

@@ -69,7 +69,7 @@ class Rigid:
     reference: Any  # column of the neighbour list: slow reference of the normal force [N]
     struck: Any  # of a grain: twice the last round of impacts of this step in which it was hit, plus 1 if they moved it; 0 = none, i32
     passed: tuple  # columns of the neighbour list: x, y of what a pair passed on in the last step beside its force, see solvers.noting [N]
-    near: Any  # of a grain: twice the last round in which it may have got pairs of a grain that was hit
+    near: Any  # of a cell: twice the last round in which its grains may have got pairs of a grain that was hit
     effects: tuple
     step: Any  # ti.func of one step
     renew: Any  # ti.func that starts it anew after grains, walls, the step or who sleeps have changed
@@ -253,5 +253,5 @@ def bounces(scene: Any, numbers: dict[str, float], bed: Bed, restitution: np.nda
 def build(scene: Any, values: dict[str, float], live: dict[str, float], own: list, effects: tuple, world: World) -> Rigid:
     """The solver for a world; `own` holds the columns of the neighbour list that MEMORY asked for, `live` the effects' live parameters."""
     constants = fill_struct(constants_type(world.real, live), {**values, **live})
-    struck, near = field_pool.scalars(ti.i32, world.capacity), field_pool.scalars(ti.i32, world.capacity)
+    struck, near = field_pool.scalars(ti.i32, world.capacity), field_pool.scalars(ti.i32, world.grid.start.shape[0])
     return Rigid(constants, own[0], struck, tuple(own[1:]), near, effects, step, renew, any(offers(effect, "heat") for effect in effects))

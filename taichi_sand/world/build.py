@@ -197,7 +197,7 @@ def make_world(
         grains=allocate_grains(real, capacity, pack.clumps),
         pairs=allocate_pairs(real, capacity, sizes.half, sizes.wall_half, extra, 3 if sleeps else 2, pack.clumps, *kinds),
         blocks=allocate_blocks(blocks + (sleeps or boulders > 0), lanes),
-        grid=allocate_grid(real, capacity, cells, most_summed(layout, sleeps, cells, capacity, sites)),
+        grid=allocate_grid(real, layout, capacity, cells, most_summed(layout, sleeps, cells, capacity, sites)),
         **lay_walls(scene, parts, still, sites, wall_room, rooms.entries, gpu, real),
         **build_flow(scene, real),
         pace=field_pool.record(pace_type(real)),

@@ -15,13 +15,16 @@ from taichi_sand.errors import SandError
 from taichi_sand.files import archive, writing
 from taichi_sand.files.archive import Announced
 from taichi_sand.files.reading import opened
+from taichi_sand.world.search.cell_list import Scratch
 
-FORMAT = 9
+FORMAT = 10
 Misfit = Callable[[Any, dict[str, Announced]], str]
 
 
-def fields_of(thing: Any, name: str) -> dict[str, Any]:
-    """All Taichi fields within nested dataclasses, named tuples and tuples, by path."""
+def fields_of(thing: Any, name: str, scratch: bool = False) -> dict[str, Any]:
+    """All Taichi fields within nested dataclasses, named tuples and tuples, by path; those that hold nothing for long only as `scratch`."""
+    if isinstance(thing, Scratch) and not scratch:
+        return {}
     if hasattr(thing, "to_numpy"):
         return {name: thing}
     if hasattr(thing, "_fields"):
@@ -32,7 +35,7 @@ def fields_of(thing: Any, name: str) -> dict[str, Any]:
         parts = ((key, getattr(thing, key)) for key in thing.__dataclass_fields__)
     else:
         return {}
-    return {key: field for part, value in parts for key, field in fields_of(value, f"{name}.{part}").items()}
+    return {key: field for part, value in parts for key, field in fields_of(value, f"{name}.{part}", scratch).items()}
 
 
 def read_field(field: Any) -> dict[str, np.ndarray]:

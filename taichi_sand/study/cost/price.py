@@ -7,6 +7,7 @@ from typing import Any
 from taichi_sand import effects
 from taichi_sand.run.simulation import Simulation
 from taichi_sand.scene.schema import Scene
+from taichi_sand.world.checkpoint import fields_of
 from taichi_sand.world.extras.hooks import offers
 
 LOOPS = {
@@ -69,7 +70,7 @@ def sleep_bytes(world: Any) -> int:
 
 def table_bytes(sim: Simulation) -> int:
     """Bytes of all tables of a simulation, each field once."""
-    fields = {id(field): field for field in sim._fields().values()}
+    fields = {id(field): field for field in fields_of((sim.world, sim.solver), "", scratch=True).values()}
     return sum(bytes_of(field) for field in fields.values())
 
 

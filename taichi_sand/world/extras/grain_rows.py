@@ -133,24 +133,24 @@ def store_row(w: ti.template(), whole: ti.template(), numbers: ti.template(), i,
     for part in ti.static(whole):
         column = ti.static(w.grains[part.column])
         if ti.static(part.component < 0):
-            w.grid.whole[row][part.place] = column[i]
+            w.grid.scratch.whole[row][part.place] = column[i]
         else:
-            w.grid.whole[row][part.place] = column[i][part.component]
+            w.grid.scratch.whole[row][part.place] = column[i][part.component]
     for part in ti.static(numbers):
         column = ti.static(w.grains[part.column])
         if ti.static(part.component < 0):
-            w.grid.number[row][part.place] = column[i]
+            w.grid.scratch.number[row][part.place] = column[i]
         else:
-            w.grid.number[row][part.place] = column[i][part.component]
+            w.grid.scratch.number[row][part.place] = column[i][part.component]
 
 
 @ti.func
 def load_row(w: ti.template(), whole: ti.template(), numbers: ti.template(), row, i):
     """Takes what `store_row` has laid aside into slot i."""
     for part in ti.static(whole):
-        write_part(w, part, i, w.grid.whole[row][part.place])
+        write_part(w, part, i, w.grid.scratch.whole[row][part.place])
     for part in ti.static(numbers):
-        write_part(w, part, i, w.grid.number[row][part.place])
+        write_part(w, part, i, w.grid.scratch.number[row][part.place])
 
 
 @ti.func
@@ -203,10 +203,10 @@ def sort_carried(w: ti.template(), count):
     for column in ti.static(w.carried):
         ti.loop_config(serialize=w.layout == "one")
         for i in range(count):
-            w.grid.number[i][0] = column[w.grid.source[i]]
+            w.grid.scratch.number[i][0] = column[w.grid.source[i]]
         ti.loop_config(serialize=w.layout == "one")
         for i in range(count):
-            column[i] = w.grid.number[i][0]
+            column[i] = w.grid.scratch.number[i][0]
 
 
 @ti.func
@@ -214,6 +214,6 @@ def move_carried(w: ti.template(), first, end, slot: ti.template()):
     """Moves what the grains first .. end-1 carry to their new slots, on one thread."""
     for column in ti.static(w.carried):
         for j in range(first, end):
-            w.grid.number[j][0] = column[j]
+            w.grid.scratch.number[j][0] = column[j]
         for j in range(first, end):
-            column[slot[j]] = w.grid.number[j][0]
+            column[slot[j]] = w.grid.scratch.number[j][0]

@@ -16,37 +16,56 @@ from taichi_sand.world.flags import ESCAPED, NOWHERE, flag
 from taichi_sand.world.geometry import add, position, present, velocity
 from taichi_sand.world.search.images import moved_over
 from taichi_sand.world.search.prefix_sum import prefix_sum, put_in_order, scratch_rows
-from taichi_sand.world.tables import ABREAST, STRIPS
+from taichi_sand.world.tables import ABREAST, FEW_ABREAST, STRIPS
+
+GROUPS = 8
+ROOM = GROUPS - 1
+"""Rows for the groups of a grain; so many of them hold any."""
+
+
+class Scratch(NamedTuple):
+    """What holds nothing between one kernel and the next."""
+
+    sums: Any  # for prefix sums
+    whole: Any  # for the whole numbers of a grain and its cell, shape (capacity,), i32 vectors
+    number: Any  # for its others, vectors
+    excess: Any  # of a grain and each of a group, see candidates.least_excess
+    met: Any  # groups of ABREAST slots that a grain may meet some of: GROUPS rows a grain of first slot, and a bit for each
+    found: Any  # how many there are
 
 
 class Grid(NamedTuple):
     """Cells, and what the sort needs."""
 
     start: Any  # first slot of each cell, shape (cells + 2,), i32
-    sums: Any  # scratch for prefix sums
     cell: Any  # cell of each grain, before the sort by its old slot, i32
     source: Any  # the slot that each grain had before the sort, i32
     columns: Any  # cells along x, 0-D i32
     rows: Any  # cells along y, 0-D i32
     cell_size: Any  # 0-D 2-vector [m]
-    flight: Any  # position and velocity of each grain, rounded: enough to tell who is far, shape (capacity + ABREAST,), 4-vectors
-    whole: Any  # scratch for the whole numbers of a grain and its cell, shape (capacity,), i32 vectors
-    number: Any  # scratch for the others, vectors
+    flight: Any  # x, y and velocity x, y of each grain, rounded: enough to tell who is far; four rows of vectors for every ABREAST grains
+    scratch: Scratch
 
 
-def allocate_grid(real: Any, capacity: int, cells: int, summed: int) -> Grid:
+def allocate_grid(real: Any, layout: str, capacity: int, cells: int, summed: int) -> Grid:
     """Empty grid for up to `cells` cells, with scratch for the prefix sums of up to `summed` rows."""
+    many = FEW_ABREAST if layout == "cells" else ABREAST
     return Grid(
         start=field_pool.scalars(ti.i32, cells + 2),
-        sums=field_pool.scalars(ti.i32, scratch_rows(summed)),
         cell=field_pool.scalars(ti.i32, capacity),
         source=field_pool.scalars(ti.i32, capacity),
         columns=field_pool.scalars(ti.i32, ()),
         rows=field_pool.scalars(ti.i32, ()),
         cell_size=field_pool.vectors(2, real, ()),
-        flight=field_pool.vectors(4, real, capacity + ABREAST, layout=ti.Layout.SOA),
-        whole=field_pool.vectors(CELL + 1, ti.i32, capacity),
-        number=field_pool.vectors(len(NUMBERS), real, capacity),
+        flight=field_pool.vectors(many, real, 4 * (capacity // many + 1)),
+        scratch=Scratch(
+            sums=field_pool.scalars(ti.i32, scratch_rows(summed)),
+            whole=field_pool.vectors(CELL + 1, ti.i32, capacity),
+            number=field_pool.vectors(len(NUMBERS), real, capacity),
+            excess=field_pool.vectors(many, real, capacity),
+            met=field_pool.vectors(2, ti.i32, GROUPS * capacity),
+            found=field_pool.scalars(ti.i32, capacity),
+        ),
     )
 
 
@@ -186,12 +205,29 @@ def count_abreast(w: ti.template()):
     for c in range(grid.start.shape[0]):
         grid.start[c] = 0
     for i in range(present(w)):
-        grid.whole[i][0] = ti.atomic_add(grid.start[grid.cell[i]], 1)
-    prefix_sum(grid.start, grid.sums, True)
+        grid.scratch.whole[i][0] = ti.atomic_add(grid.start[grid.cell[i]], 1)
+    prefix_sum(grid.start, grid.scratch.sums, True)
     for i in range(present(w)):
-        grid.source[grid.start[grid.cell[i]] + grid.whole[i][0]] = i
+        grid.source[grid.start[grid.cell[i]] + grid.scratch.whole[i][0]] = i
     for c in range(cell_count(w)):
         put_in_order(grid.source, grid.start[c], grid.start[c + 1])
+
+
+@ti.func
+def note_flight(w: ti.template(), i, place, motion):
+    """Where grain i is and how it moves, for who looks at many at once."""
+    many = ti.static(w.grid.flight.n)
+    row, lane = 4 * (i // many), i % many
+    for k in ti.static(range(2)):
+        w.grid.flight[row + k][lane], w.grid.flight[row + 2 + k][lane] = place[k], motion[k]
+
+
+@ti.func
+def flight_of(w: ti.template(), i):
+    """Position and velocity of grain i, as noted."""
+    many = ti.static(w.grid.flight.n)
+    row, lane = 4 * (i // many), i % many
+    return ti.Vector([w.grid.flight[row + k][lane] for k in ti.static(range(4))])
 
 
 @ti.func
@@ -202,17 +238,17 @@ def permute(w: ti.template(), count):
     for i in range(count):
         k = grid.source[i]
         store_row(w, WHOLE, NUMBERS, k, i)
-        grid.whole[i][CELL] = grid.cell[k]
+        grid.scratch.whole[i][CELL] = grid.cell[k]
     ti.loop_config(serialize=w.layout == "one")
     for i in range(count):
         load_row(w, WHOLE, NUMBERS, i, i)
-        grid.cell[i] = grid.whole[i][CELL]
+        grid.cell[i] = grid.scratch.whole[i][CELL]
         twist = w.grains.twist[i]
         if ti.static(w.clumps):
             w.grains.start_spin[i] = twist.z
             head(w, i)
         p = position(w, i)
-        grid.flight[i] = ti.Vector([p.x, p.y, twist.x, twist.y])
+        note_flight(w, i, p, twist.xy)
     if ti.static(w.sleeps):
         for i in range(count):
             w.sleep.push[i].x = w.sleep.still[grid.source[i]]

@@ -9,8 +9,8 @@ import taichi as ti
 from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.extras.links import find_links
 from taichi_sand.world.geometry import present, velocity
-from taichi_sand.world.search.candidates import list_range
-from taichi_sand.world.search.cell_list import anchor, cell_count, cell_of, cut_blocks, lay_cells, outside, permute, sort
+from taichi_sand.world.search.candidates import list_found, scan_range
+from taichi_sand.world.search.cell_list import ROOM, anchor, cell_count, cell_of, cut_blocks, lay_cells, outside, permute, sort
 from taichi_sand.world.search.growth import PAIRS, WALLS, lack
 from taichi_sand.world.search.images import column_over, start_images
 from taichi_sand.world.search.large_grains import is_boulder, list_boulders
@@ -133,6 +133,8 @@ def list_block(w: ti.template(), b: ti.i32):
         top, q = first + blocks.pair_end[b], first_q + blocks.wall_end[b]
     blocks.pair_start[b], blocks.wall_start[b] = top, q
     end = top
+    for k in range(count):
+        scan_neighbours(w, start + k, 0)
     for lane in range(lanes):
         p = top + lane
         for k in range(lane * run, ti.min((lane + 1) * run, count)):
@@ -165,13 +167,14 @@ def share_out(w: ti.template()):
         pairs, walls = 0, 0
         if b < w.grid.columns[None] * w.grid.rows[None]:
             for i in range(blocks.grain_start[b], blocks.grain_end[b]):
+                scan_neighbours(w, i, 0)
                 pairs = list_neighbours(w, i, pairs, 0, 0)
                 if ti.static(w.sleeps):
                     pairs = list_sleepers(w, i, pairs, 0, 0)
                 walls = list_walls(w, i, walls, 0, False)
         blocks.pair_end[b], blocks.wall_end[b] = pairs, walls
-    prefix_sum(blocks.pair_end, w.grid.sums, True)
-    prefix_sum(blocks.wall_end, w.grid.sums, True)
+    prefix_sum(blocks.pair_end, w.grid.scratch.sums, True)
+    prefix_sum(blocks.wall_end, w.grid.scratch.sums, True)
 
 
 @ti.func
@@ -190,40 +193,48 @@ def clear_rows(w: ti.template(), start, end, lanes: ti.template()):
         carry(w, row, -1)
 
 
-@ti.func
-def list_neighbours(w: ti.template(), i, p, last, lanes: ti.template()):
-    """Lists grain i with the grains behind it in its own cell and with those of the N, SE, E and NE cells. Returns the next row."""
+@noinline
+def scan_neighbours(w: ti.template(), i: ti.i32, since: ti.i32):
+    """Finds whom grain i may meet of those behind it in its own cell and of those of the N, SE, E and NE cells. See `scan_range`."""
     grid = ti.static(w.grid)
     columns, rows = grid.columns[None], grid.rows[None]
-    cell = grid.cell[i]
-    column, row = cell // rows, cell % rows
-    row_p = p
+    column, row = grid.cell[i] // rows, grid.cell[i] % rows
+    found = 0
     if ti.static(w.periodic[0] or w.periodic[1]):
-        row_p = list_range(w, i, i + 1, grid.start[cell + 1], row_p, last, lanes)
-        for k in ti.static(range(4)):
-            x = column + ti.static((0, 1, 1, 1)[k])
-            y = row + ti.static((1, -1, 0, 1)[k])
-            if ti.static(w.periodic[0]):
-                x = (x + columns) % columns
-            if ti.static(w.periodic[1]):
-                y = (y + rows) % rows
+        for k in range(5 + ti.select(ti.static(w.sheared) and row == rows - 1, 4, 0)):
+            x, y = column + ti.cast(k > 1, ti.i32), row + ti.select(k > 1, k - 3, k)
             if ti.static(w.sheared):
-                y = row + ti.static((1, -1, 0, 1)[k])  # what is beyond has slid
+                if k > 4:  # what is beyond has slid
+                    x, y = column_over(w, column, k - 5), 0
+            if ti.static(w.periodic[0]):
+                x = (x % columns + columns) % columns
+            if ti.static(w.periodic[1] and not w.sheared):
+                y = (y + rows) % rows
             if x < columns and y >= 0 and y < rows:
-                other = x * rows + y
-                row_p = list_range(w, i, grid.start[other], grid.start[other + 1], row_p, last, lanes)
-        if ti.static(w.sheared):
-            if row == rows - 1:
-                for far in range(4):
-                    other = ((column_over(w, column, far) % columns + columns) % columns) * rows
-                    row_p = list_range(w, i, grid.start[other], grid.start[other + 1], row_p, last, lanes)
+                start = grid.start[x * rows + y]
+                if k == 0:
+                    start = i + 1
+                found = scan_range(w, i, start, grid.start[x * rows + y + 1], since, found)
     else:
         above = ti.min(row + 1, rows - 1)
-        row_p = list_range(w, i, i + 1, grid.start[column * rows + above + 1], row_p, last, lanes)
-        if column + 1 < columns:
-            beside = (column + 1) * rows
-            row_p = list_range(w, i, grid.start[beside + ti.max(row - 1, 0)], grid.start[beside + above + 1], row_p, last, lanes)
-    return row_p
+        for k in range(ti.select(column + 1 < columns, 2, 1)):  # a loop, so that this is compiled once
+            start, top = i + 1, column * rows + above + 1
+            if k == 1:
+                start, top = grid.start[(column + 1) * rows + ti.max(row - 1, 0)], top + rows
+            found = scan_range(w, i, start, grid.start[top], since, found)
+    grid.scratch.found[i] = found
+
+
+@ti.func
+def list_neighbours(w: ti.template(), i, p, last, lanes: ti.template()):
+    """Lists grain i with those that `scan_neighbours` has found. Returns the next row."""
+    row, since = p, 0
+    while since < w.grid.scratch.found[i]:
+        if since > 0:  # more than there was room for
+            scan_neighbours(w, i, since)
+        row = list_found(w, i, w.grid.scratch.found[i] - since, row, last, lanes)
+        since += ROOM
+    return row
 
 
 @ti.func

@@ -6,6 +6,7 @@ from taichi_sand.taichi_support.noinline import noinline
 from taichi_sand.world.clumps import turned
 from taichi_sand.world.geometry import perp, spin, velocity
 from taichi_sand.world.search.candidates import list_range, may_meet
+from taichi_sand.world.search.cell_list import flight_of
 from taichi_sand.world.sleep.state import call, site_of
 
 
@@ -18,8 +19,8 @@ def list_sleepers(w: ti.template(), i: ti.i32, p: ti.i32, last: ti.i32, lanes: t
         box, v = w.box[None], velocity(w, i)
         rounding = 1e-6 * (box.size.x + box.size.y)
         near = w.grains.radius[i] + 0.5 * box.listed + box.bridge + w.pace[None].skin + v.norm() * w.pace[None].horizon + rounding
-        low = ti.cast(ti.floor((w.grid.flight[i].xy - near) / box.spacing), ti.i32)
-        high = ti.min(ti.cast(ti.floor((w.grid.flight[i].xy + near) / box.spacing), ti.i32), low + box.sites - 1)
+        low = ti.cast(ti.floor((flight_of(w, i).xy - near) / box.spacing), ti.i32)
+        high = ti.min(ti.cast(ti.floor((flight_of(w, i).xy + near) / box.spacing), ti.i32), low + box.sites - 1)
         for k in ti.static(range(2)):
             if ti.static(not w.periodic[k]):
                 low[k], high[k] = ti.max(low[k], 0), ti.max(high[k], 0)

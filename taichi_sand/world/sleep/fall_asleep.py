@@ -8,7 +8,7 @@ from taichi_sand.world.blocks import always, sweep_block
 from taichi_sand.world.extras.grain_rows import clear_motion, copy_at_rest
 from taichi_sand.world.extras.steady_force import steady_force
 from taichi_sand.world.geometry import add, perp, position, wall_row
-from taichi_sand.world.search.cell_list import permute
+from taichi_sand.world.search.cell_list import note_flight, permute
 from taichi_sand.world.search.neighbour_list import build_neighbour_list_now
 from taichi_sand.world.search.prefix_sum import prefix_sum, put_in_order
 from taichi_sand.world.sleep.state import ASLEEP, MOST_PRICE, home, shake, site_of, sleep_pays, sleeper_block
@@ -104,7 +104,7 @@ def fall_asleep(w: ti.template(), s: ti.template()):
 @ti.func
 def choose(w: ti.template(), patience):
     """`slot` of every grain, and its `origin`: those who stay awake first, then the sleepers by lattice site."""
-    sleep, scratch = ti.static(w.sleep, w.grid.whole)
+    sleep, scratch = ti.static(w.sleep, w.grid.scratch.whole)
     count = w.count[None]
     ti.loop_config(serialize=w.serial)
     for site in range(sleep.start.shape[0]):
@@ -123,8 +123,8 @@ def choose(w: ti.template(), patience):
             sleep.slot[i], scratch[i][0] = ti.cast(not quiet, ti.i32), -1
             if quiet:  # how many of its site before it
                 scratch[i][0] = ti.atomic_add(sleep.start[home(w, i)], 1)
-    prefix_sum(sleep.slot, w.grid.sums, w.layout == "cells")
-    prefix_sum(sleep.start, w.grid.sums, w.layout == "cells")
+    prefix_sum(sleep.slot, w.grid.scratch.sums, w.layout == "cells")
+    prefix_sum(sleep.start, w.grid.scratch.sums, w.layout == "cells")
     awake = sleep.slot[w.capacity - 1]  # that slot is empty
     ti.loop_config(serialize=w.serial)
     for site in range(sleep.start.shape[0]):
@@ -170,8 +170,8 @@ def freeze(w: ti.template()):
                     sleep.row_count[k] = sleep.row_count[k] + 1
             sleep.wall_row_count[k] = pairs.wall_row_count[at]
         sleep.row_start[k], sleep.wall_row_start[k] = sleep.row_count[k], sleep.wall_row_count[k]
-    prefix_sum(sleep.row_start, w.grid.sums, w.layout == "cells")
-    prefix_sum(sleep.wall_row_start, w.grid.sums, w.layout == "cells")
+    prefix_sum(sleep.row_start, w.grid.scratch.sums, w.layout == "cells")
+    prefix_sum(sleep.wall_row_start, w.grid.scratch.sums, w.layout == "cells")
     b, row, wall_row = sleeper_block(w), 2 * w.half, 2 * w.half + w.wall_base
     w.blocks.pair_start[b], w.blocks.pair_end[b] = row, row + sleep.row_start[w.capacity - 1]
     w.blocks.wall_start[b], w.blocks.wall_end[b] = wall_row, wall_row + sleep.wall_row_start[w.capacity - 1]
@@ -230,7 +230,7 @@ def lay_to_rest(w: ti.template()):
         sleep.mobility[j], sleep.still[j] = g.mobility[j], ASLEEP
         clear_motion(w, j)
         p = position(w, j)
-        w.grid.flight[j] = ti.Vector([p.x, p.y, 0.0, 0.0])
+        note_flight(w, j, p, ti.Vector([0.0, 0.0]))
         if ti.static(w.layout != "cells"):
             sleep.balance[j], sleep.load[j] = ti.Vector([0.0, 0.0]), 0.0
         if sleep.mobility[j].x > 0.0:

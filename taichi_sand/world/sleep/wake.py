@@ -16,6 +16,7 @@ from taichi_sand.world.extras.grain_rows import (
     store_row,
 )
 from taichi_sand.world.geometry import add, perp, position, wall_row
+from taichi_sand.world.search.cell_list import note_flight
 from taichi_sand.world.search.neighbour_list import clear_rows
 from taichi_sand.world.sleep.state import due_to_sleep, home, sleeper_block
 
@@ -93,7 +94,7 @@ def rename(w: ti.template(), first: ti.i32, last: ti.i32):
 @noinline
 def move_up(w: ti.template(), first: ti.i32, end: ti.i32):
     """Moves the sleepers first .. end-1, all that they carry and where their pairs begin to their new slots."""
-    sleep, pairs, whole, number = ti.static(w.sleep, w.pairs, w.grid.whole, w.grid.number)
+    sleep, pairs, whole, number = ti.static(w.sleep, w.pairs, w.grid.scratch.whole, w.grid.scratch.number)
     for j in range(first, end):
         store_row(w, WHOLE_AT_REST, NUMBERS_AT_REST, j, j)
     for j in range(first, end):
@@ -101,7 +102,8 @@ def move_up(w: ti.template(), first: ti.i32, end: ti.i32):
         load_row(w, WHOLE_AT_REST, NUMBERS_AT_REST, j, k)
         clear_motion(w, k)
         p = position(w, k)
-        w.grid.flight[k], w.grid.source[k] = ti.Vector([p.x, p.y, 0.0, 0.0]), k
+        note_flight(w, k, p, ti.Vector([0.0, 0.0]))
+        w.grid.source[k] = k
         if ti.static(w.clumps):
             w.grains.start_spin[k] = 0.0
             head(w, k)
