@@ -242,7 +242,7 @@ class Frames:
         half = turns[:, 0].copy()  # sines of what lies apart take ten times as long
         orientation[:, 0], orientation[:, 1], orientation[:, 2], orientation[:, 3] = np.cos(half), 0.0, 0.0, np.sin(half)
         force[:] = 0.0
-        kinetic, potential = energy.sum(axis=0, dtype=np.float64)
+        kinetic, potential = (energy[:, k].sum(dtype=np.float64) for k in range(2))  # both at once take ten times as long
         return {
             "configuration/step": np.array([sim.steps], np.uint64),
             **self.chunks,
@@ -287,7 +287,7 @@ class Frames:
         if many:
             order = np.empty(many, np.int32)
             lay_bonds(found.whole, found.exact, self.first, counts, order, group, bridges, numbers, force, sim.world.serial)
-        between, at_walls = int(counts[-2]), found.whole[:, TWO] < 0
+        between, at_walls = int(counts[-2]), np.flatnonzero(found.whole[:, TWO] < 0)
         touched = as_contacts(sim, Found(found.whole[at_walls], found.exact[at_walls], 0))
         return {
             **{f"log/walls/{row['name']}": np.array([*row["force"], row["torque"]]) for row in there(sim, wall_forces(sim, touched))},
