@@ -239,7 +239,8 @@ def relations(world: World, sizes: Sizes, of: dict[str, np.ndarray]) -> Iterator
     if (second > most).any() or (second < np.where(row < world.wall_base, 0, -1)).any():
         yield f"pairs.second holds {second[(second > most) | (second < 0)][0]}, which is no grain or wall"
     for kind in ("pair", "wall"):
-        yield _beyond(world, f"blocks.{kind}", kind, of[f"blocks.{kind}_start"], of[f"blocks.{kind}_end"])
+        start, end = (of[f"blocks.{kind}_{side}"][: _blocks_used(world, of)] for side in ("start", "end"))
+        yield _beyond(world, f"blocks.{kind}", kind, start, end)
     for table in ("pairs", "sleep"):
         for kind, head in (("pair", ""), ("wall", "wall_")):
             if f"{table}.{head}row_start" in of:
@@ -262,6 +263,12 @@ def relations(world: World, sizes: Sizes, of: dict[str, np.ndarray]) -> Iterator
         yield "links.slots has lost a grain of a link that holds"
     if "sleep.state:awake" in of and of["sleep.state:awake"] + of["sleep.state:asleep"] > of["count"]:
         yield "sleep.state counts more grains than there are"
+
+
+def _blocks_used(world: World, of: dict[str, np.ndarray]) -> int | None:
+    """How many blocks are in use, the first of them: in "cells" those of the grid as it is, of others all (None)."""
+    cells = int(of["grid.columns"]) * int(of["grid.rows"])
+    return cells + int(world.sleeps or world.boulders > 0) if world.layout == "cells" else None
 
 
 def _of_boulders(world: World, start: np.ndarray) -> np.ndarray:
