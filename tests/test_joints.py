@@ -22,7 +22,7 @@ def frame(periodic: tuple[bool, bool] = (False, False), walled: bool = False) ->
 
 def parts_of(walls: list[list], where: Frame) -> list[Part]:
     """Parts of walls, each its points and its friction."""
-    return join([(piece, (rough, 0.0)) for points, rough in walls for piece in clipped(np.array(points, float), where)], where)
+    return join([(piece, (rough, 0.0, -1.0)) for points, rough in walls for piece in clipped(np.array(points, float), where)], where)
 
 
 def active(parts: list[Part], x: np.ndarray) -> np.ndarray:
